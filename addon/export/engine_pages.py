@@ -21,7 +21,10 @@ from ..levels.material import CUTOFF_NODE, PAGE_NODE, atlas_image
 
 @dataclass(frozen=True)
 class EnginePage:
-    """The atlas page of a level with its sides halved `halvings` times, because engines draw the level only small."""
+    """The base color of a level with its sides halved `halvings` times, because engines draw the level only small.
+
+    Other channels and KTX2 stay whole.
+    """
 
     level: leafcloud.Level
     halvings: int = 0

@@ -10,6 +10,7 @@ KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
 
 MOST_HALVINGS = 3
+"""As many as `leafcloud.Level.for_engines` allows."""
 
 LARGEST_TEXEL_PIXELS = 1.2
 
@@ -25,11 +26,13 @@ def page_size(settings: BakeSettings, number: int) -> tuple[int, int]:
 
 
 def halvings(texel_pixels: float) -> int:
-    """Return how often the sides of an atlas page are halved in files: as long as texels stay smaller than 1.2 pixels.
+    """Return how often the sides of a base color are halved in files: as long as texels stay smaller than 1.2 pixels.
 
     texel_pixels: width of a texel in pixels, greater than 0, where the level takes over.
     """
-    return max(0, min(MOST_HALVINGS, math.floor(math.log2(LARGEST_TEXEL_PIXELS / texel_pixels))))
+    if texel_pixels >= LARGEST_TEXEL_PIXELS:
+        return 0
+    return min(MOST_HALVINGS, math.floor(math.log2(LARGEST_TEXEL_PIXELS / texel_pixels)))
 
 
 def ktx2_warning(settings: BakeSettings, pages: int) -> str | None:

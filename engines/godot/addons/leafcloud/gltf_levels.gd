@@ -40,7 +40,8 @@ func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error
 				json["nodes"][id]["extras"]["leafcloud"]["chain"] = number
 	if levels.is_empty():
 		return ERR_SKIP
-	json["scenes"][int(json.get("scene", 0))]["nodes"].append_array(levels)
+	var shown: Array = json["scenes"][int(json.get("scene", 0))]["nodes"]
+	shown.append_array(levels.filter(func(id: Variant) -> bool: return not shown.has(id)))
 	state.json = json
 	return OK
 
@@ -152,8 +153,8 @@ static func _material(from: Material, own: Array[Texture2D]) -> Material:
 ## What the file says of a material and Godot's importer does not read: light that goes through leaves, and the strength
 ## of baked light, whose colors end at 1.
 static func _unread(state: GLTFState, name: String) -> Dictionary:
-	for material: Dictionary in state.json["materials"]:
-		if material.get("name", "") != name:
+	for material: Dictionary in state.json.get("materials", []):
+		if name == "" or material.get("name", "") != name:
 			continue
 		var through: Dictionary = material.get("extensions", {}).get("KHR_materials_diffuse_transmission", {})
 		return {

@@ -22,7 +22,8 @@ const MOST_DETAIL := 128.0
 var _measured := 0.0
 
 
-## Reads a GLB file while the game runs, from any folder. Null, with an error in the log, if it cannot be read.
+## Reads a GLB file while the game runs, from any folder. Null, with an error in the log, if it cannot be read or has no
+## levels. Not for several threads at a time.
 static func load_glb(path: String) -> LeafcloudTree:
 	var reader: GLTFDocumentExtension = load((LeafcloudTree as Script).resource_path.get_base_dir() + "/gltf_levels.gd").new()
 	GLTFDocument.register_gltf_document_extension(reader, true)
@@ -33,6 +34,10 @@ static func load_glb(path: String) -> LeafcloudTree:
 	if scene == null:
 		return null
 	adopt(scene)
+	if not scene is LeafcloudTree:
+		push_error("%s has no levels of Leafcloud. Load the file with all levels, without _LOD in its name." % path)
+		scene.free()
+		return null
 	return scene as LeafcloudTree
 
 

@@ -85,9 +85,9 @@ fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
         levels.iter().map(|level| mips::area(level, cutoff) / whole).collect()
     };
     let plain = areas(mips::means(&page.base_color), CUTOFF);
-    let remapped = areas(mips::means(&engine), cutoffs[0]);
+    let cascaded = areas(mips::means(&engine), cutoffs[0]);
     let kept = areas(mips::of_parts(&recut(&page.base_color, &parts, &cutoffs), &at), cutoffs[0]);
-    (0..plain.len()).map(|i| [plain[i], remapped[i], kept[i]]).collect()
+    (0..plain.len()).map(|i| [plain[i], cascaded[i], kept[i]]).collect()
 }
 
 fn main() {

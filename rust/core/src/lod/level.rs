@@ -103,7 +103,7 @@ pub struct Mip {
 }
 
 /// Most halvings of a page for engines.
-pub const MOST_HALVINGS: usize = 3;
+const MOST_HALVINGS: usize = 3;
 
 /// Inputs of a level.
 pub(super) struct Step<'a> {
@@ -290,7 +290,7 @@ impl Level {
         self.cloud.is_none()
     }
 
-    /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, [`MOST_HALVINGS`] at most;
+    /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, three at most;
     /// computed on the first call. Do not call it on a rayon worker: a thread that waits for the result does no other work.
     #[must_use]
     pub fn for_engines(&self, halvings: usize) -> (&Image, f32) {

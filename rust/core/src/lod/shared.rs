@@ -90,8 +90,9 @@ fn check_alpha(levels: &[&Level]) -> Result<()> {
 /// Longest side of an atlas page, in texels.
 const LARGEST: usize = 16_384;
 
-/// The sides of a page are multiples of this, so that its first mip levels are means of 2 × 2 texels.
-const BLOCK: usize = 16;
+/// The sides of a page are multiples of this, so that its first six mip levels are means of 2 × 2 texels: pages for engines are halved, and
+/// keep the coverage on some levels behind that.
+const BLOCK: usize = 64;
 
 /// A region with its gutters, and the upper left corner of its new place.
 struct Move {

@@ -7,7 +7,7 @@
 //! thresholds of Castaño, "Computing Alpha Mipmaps", 2010, which need mip levels of their own in the file.)
 //!
 //! Which levels count and which cutoff is best depends on the page, so several are tried. A sparse page needs a low cutoff: a texel of a
-//! coarse level reaches it then although little of it is covered. O(texels) for each area, of which some hundreds are measured.
+//! coarse level reaches it then although little of it is covered. O(texels) for each area, of which some thousand are measured.
 //!
 //! `docs/bench/engines.md` lists the coverage on screen. Known limits: on sparse pages of thin leaves one of the first three levels may be
 //! two fifths too dense, and the fourth is too thin; shapes at level 0 follow those of the coarser levels, so silhouettes are softer
@@ -17,7 +17,6 @@ use rayon::prelude::*;
 
 use super::mips::code_at_least;
 use super::on_polygons::OnPolygons;
-use super::parts::PagePart;
 use super::recut::{least, table};
 use crate::color::quantise;
 use crate::foliage::Image;
@@ -76,14 +75,14 @@ fn recipes(texels: usize, first_seen: usize) -> Vec<Recipe> {
 }
 
 /// Returns the page with alpha that shows the share `area` of the polygons on box-filtered mip levels, too, and the cutoff to draw it with.
-/// `part`: with the cutoff of `page`.
+/// `seen`: the least alpha that is drawn of `page`, and the first mip level whose texels are not smaller than pixels.
 #[must_use]
-pub fn keeping_area(page: &Image, part: &PagePart, polygons: &OnPolygons, area: f64) -> (Image, f32) {
-    let tried = recipes(page.pixels().len(), part.first_seen).into_par_iter().map(|recipe| {
+pub fn keeping_area(page: &Image, seen: (f32, usize), polygons: &OnPolygons, area: f64) -> (Image, f32) {
+    let tried = recipes(page.pixels().len(), seen.1).into_par_iter().map(|recipe| {
         let own = Own::new(page, polygons, area, recipe.levels);
         let alpha = own.cascade(recipe);
         let cutoffs = NUDGES.map(|nudge| nudge * recipe.cutoff);
-        let errors = own.errors(&alpha, cutoffs.map(code_at_least), part);
+        let errors = own.errors(&alpha, cutoffs.map(code_at_least), seen);
         let best = (0..NUDGES.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
         (errors[best], alpha, cutoffs[best])
     });
@@ -159,12 +158,12 @@ impl<'a> Own<'a> {
 
     /// Returns for each cutoff the error on the mip levels that an engine makes, and between them: the greatest weighted one of the area, as
     /// a share of the area, and what is shown elsewhere than on the page itself, because coarse blocks keep the area best.
-    fn errors<const N: usize>(&self, alpha: &[u8], cutoffs: [u8; N], part: &PagePart) -> [f64; N] {
+    fn errors<const N: usize>(&self, alpha: &[u8], cutoffs: [u8; N], (own, first_seen): (f32, usize)) -> [f64; N] {
         let (mut fine, mut width) = (alpha.to_vec(), self.levels[0].width);
-        for _ in 0..part.first_seen {
+        for _ in 0..first_seen {
             (fine, width) = halved(&fine, width);
         }
-        let page = (&self.levels[0].codes()[..], self.levels[0].width, code_at_least(part.alpha_cutoff));
+        let page = (&self.levels[0].codes()[..], self.levels[0].width, code_at_least(own));
         let elsewhere = self.polygons.differences(page, (&fine, width), cutoffs);
         let mut shares = vec![self.polygons.shares_slanting(&fine, width, cutoffs)];
         while shares.len() < WEIGHTS.len() {
@@ -258,9 +257,8 @@ mod tests {
 
     /// Keeps the area that a page with polygons everywhere shows at a cutoff.
     fn kept(page: &Image, cutoff: f32) -> (Image, f32) {
-        let drawn = vec![1.0; SIDE * SIDE];
-        let part = PagePart { regions: Vec::new(), gutter: 0, alpha_cutoff: cutoff, drawn, first_seen: 0 };
-        keeping_area(page, &part, &part.polygons(SIDE, 1 << 14), mask::area(&page.alpha(), SIDE, cutoff, 1))
+        let polygons = OnPolygons::new(&vec![1.0; SIDE * SIDE], SIDE, 1 << 14);
+        keeping_area(page, (cutoff, 0), &polygons, mask::area(&page.alpha(), SIDE, cutoff, 1))
     }
 
     /// A crown: randomly covered texels, fewer toward the rim of a disc.

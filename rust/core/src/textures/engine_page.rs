@@ -22,16 +22,16 @@ pub struct EnginePage {
 }
 
 impl EnginePage {
-    /// Returns the page with sides halved so many times, or fewer for a small page.
+    /// Returns the page with sides halved so many times, or as often as both can be halved.
     #[must_use]
     pub fn new(page: &Image, parts: &[PagePart], halvings: usize) -> Self {
-        let sides = page.width().min(page.height());
-        let halvings = halvings.min(sides.trailing_zeros() as usize);
+        let whole = page.width().trailing_zeros().min(page.height().trailing_zeros());
+        let halvings = halvings.min(whole as usize);
         let of_part = |(page, part): (Image, &PagePart)| {
             let polygons = part.polygons(page.width(), PLACES);
             let area = polygons.share(&page.alpha(), page.width(), code_at_least(part.alpha_cutoff));
             let small = of_part(&page, part, halvings).pop().unwrap_or(page);
-            keeping_area(&small, part, &polygons, area)
+            keeping_area(&small, (part.alpha_cutoff, part.first_seen.saturating_sub(halvings)), &polygons, area)
         };
         let (images, cutoffs) = apart(page, parts).into_iter().zip(parts).map(of_part).unzip();
         Self { image: together(images, parts, halvings), cutoffs }

@@ -37,14 +37,9 @@ pub type Levels = Vec<Image>;
 /// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself.
 #[must_use]
 pub fn of_parts(image: &Image, parts: &[PagePart]) -> Levels {
-    first_of_parts(image, parts, usize::MAX)
-}
-
-/// Returns the image and its first `most` mip levels, as [`of_parts`] does.
-pub(super) fn first_of_parts(image: &Image, parts: &[PagePart], most: usize) -> Levels {
     let pages = apart(image, parts);
     let mut levels: Vec<_> =
-        pages.iter().zip(parts).map(|(page, part)| of_part(page, part, most).into_iter()).collect();
+        pages.iter().zip(parts).map(|(page, part)| of_part(page, part, usize::MAX).into_iter()).collect();
     let level = |number: usize| {
         let of_each: Vec<Image> = levels.iter_mut().filter_map(Iterator::next).collect();
         (!of_each.is_empty()).then(|| together(of_each, parts, number))

@@ -2,6 +2,7 @@
 
 use glam::Vec2;
 
+use super::few::scattered;
 use super::halves::texels;
 use crate::atlas::{Atlas, Billboard, Region};
 
@@ -46,7 +47,15 @@ impl OnPolygons {
         };
         let on_polygons: Vec<usize> = (0..drawn.len()).filter(|&texel| drawn[texel] > 0.5).collect();
         let step = on_polygons.len().div_ceil(most).max(1);
-        Self(on_polygons.into_iter().step_by(step).enumerate().map(place).collect())
+        // One texel of each stride, not always the same: strides may fit the rows of the page.
+        let texel = |stride: &[usize], number: usize| stride[scattered(number) as usize % stride.len()];
+        Self(
+            on_polygons
+                .chunks(step)
+                .enumerate()
+                .map(|(number, stride)| place((number, texel(stride, number))))
+                .collect(),
+        )
     }
 
     /// Returns the share of the polygons on which alpha reaches the cutoff, with alpha interpolated between texel centers.

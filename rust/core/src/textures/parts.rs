@@ -17,7 +17,7 @@ pub struct PagePart {
     pub alpha_cutoff: f32,
     /// For each texel of the page the share that polygons cover.
     pub drawn: Vec<f32>,
-    /// The first mip level that is seen: texels of the page are so many times halved pixels where the part is seen closest.
+    /// The first mip level that is seen: its texels are about a pixel large where the part is seen closest.
     pub first_seen: usize,
 }
 
