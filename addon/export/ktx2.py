@@ -1,7 +1,7 @@
 """KTX2 textures beside the PNGs of a GLB file: `KHR_texture_basisu`. Their mip levels keep the alpha coverage.
 
 An engine that supports the extension uses the KTX2 textures. Any other engine uses the PNGs and makes its own mip
-levels, of which the first ones keep the coverage.
+levels. Only the first of these keep the coverage.
 """
 
 from __future__ import annotations

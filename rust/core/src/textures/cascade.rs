@@ -7,7 +7,7 @@
 //! thresholds of Castaño, "Computing Alpha Mipmaps", 2010, which need mip levels of their own in the file.)
 //!
 //! Which levels count and which cutoff is best depends on the page, so several are tried. A sparse page needs a low cutoff: a texel of a
-//! coarse level reaches it then although little of it is covered. O(texels) for each area, of which some thousand are measured.
+//! coarse level reaches it then although leaves cover little of it. O(texels) for each area; some thousand areas are measured.
 //!
 //! `docs/bench/engines.md` lists the coverage on screen. Known limits: on sparse pages of thin leaves one of the first three levels may be
 //! two fifths too dense, and the fourth is too thin; shapes at level 0 follow those of the coarser levels, so silhouettes are softer
@@ -21,7 +21,7 @@ use super::recut::{least, table};
 use crate::color::quantise;
 use crate::foliage::Image;
 
-/// What is compared, all with all: numbers of mip levels behind the first seen one that keep the area, cutoffs, and gains.
+/// All combinations are compared: numbers of mip levels behind the first seen one that keep the area, cutoffs, and gains.
 const LEVELS: [usize; 2] = [2, 3];
 const CUTOFFS: [f32; 4] = [0.08, 0.14, 0.24, 0.4];
 const GAINS: [f64; 4] = [1.0, 0.8, 0.6, 1.3];
@@ -39,7 +39,7 @@ const WEIGHTS: [f64; 7] = [0.8, 1.0, 1.0, 0.9, 0.7, 0.5, 0.3];
 /// Error of the area beyond which it counts three times.
 const LARGE: f64 = 0.2;
 
-/// What it counts to show something else than the page itself.
+/// Weight of the area that only one of level and page shows.
 const ELSEWHERE: f64 = 0.2;
 
 /// Powers of the coverage that are compared, from copies to more contrast than the coverage has.
@@ -75,7 +75,7 @@ fn recipes(texels: usize, first_seen: usize) -> Vec<Recipe> {
 }
 
 /// Returns the page with alpha that shows the share `area` of the polygons on box-filtered mip levels, too, and the cutoff to draw it with.
-/// `seen`: the least alpha that is drawn of `page`, and the first mip level whose texels are not smaller than pixels.
+/// `seen`: the alpha cutoff of `page`, and the first mip level whose texels are not smaller than pixels.
 #[must_use]
 pub fn keeping_area(page: &Image, seen: (f32, usize), polygons: &OnPolygons, area: f64) -> (Image, f32) {
     let tried = recipes(page.pixels().len(), seen.1).into_par_iter().map(|recipe| {
@@ -157,7 +157,7 @@ impl<'a> Own<'a> {
     }
 
     /// Returns for each cutoff the error on the mip levels that an engine makes, and between them: the greatest weighted one of the area, as
-    /// a share of the area, and what is shown elsewhere than on the page itself, because coarse blocks keep the area best.
+    /// a share of the area, plus the area that only one of level and page shows: coarse blocks would keep the area best.
     fn errors<const N: usize>(&self, alpha: &[u8], cutoffs: [u8; N], (own, first_seen): (f32, usize)) -> [f64; N] {
         let (mut fine, mut width) = (alpha.to_vec(), self.levels[0].width);
         for _ in 0..first_seen {
@@ -190,7 +190,7 @@ fn halved(alpha: &[u8], width: usize) -> (Vec<u8>, usize) {
 }
 
 /// Returns alpha remapped by two lines through the pivot, which moves to the cutoff. Alpha below the cutoff is then lowered until the mean is
-/// that of before: what is added to some texels is taken from others, or else finer levels had too much to divide.
+/// that of before: some texels gain alpha, so others must lose it, or finer levels would have too much to divide.
 fn remapped(grid: &AlphaGrid, pivot: f32, cutoff: f32) -> AlphaGrid {
     let table = table(pivot, cutoff);
     let values: Vec<f32> = grid.codes().into_iter().map(|code| f32::from(table[code as usize]) / 255.0).collect();
