@@ -75,7 +75,7 @@ fn recipes(texels: usize, first_seen: usize) -> Vec<Recipe> {
 }
 
 /// Returns the page with alpha that shows the share `area` of the polygons on box-filtered mip levels, too, and the cutoff to draw it with.
-/// `seen`: the alpha cutoff of `page`, and the first mip level whose texels are not smaller than pixels.
+/// `seen`: the alpha cutoff of `page`, and the number of the first mip level with texels as large as pixels.
 #[must_use]
 pub fn keeping_area(page: &Image, seen: (f32, usize), polygons: &OnPolygons, area: f64) -> (Image, f32) {
     let tried = recipes(page.pixels().len(), seen.1).into_par_iter().map(|recipe| {
