@@ -30,6 +30,7 @@ from ..plan.pages import KTX2_ENGINES, halvings
 from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
+from .compression import compress
 from .engine_pages import EnginePage, engine_pages
 from .glb_file import Edit
 from .gpu_load import GpuLoad
@@ -56,7 +57,8 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         seconds: list[float] = []
         with ExitStack() as changes:
             load = GpuLoad()
-            edits = [*_edits(trees), join_trunks, load.read]
+            last = [compress] if trees[0].prepared.settings.compress else []
+            edits = [*_edits(trees), join_trunks, *last, load.read]
             for tree in trees:
                 changes.enter_context(without_root(tree.collection))
                 changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))
@@ -74,7 +76,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 changes.enter_context(left_out(tree.collection, shadow))
             if shadows:
                 stem = f"{name}_shadow"
-                gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem)
+                gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem, last)
             progress(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
             chains = [_lod_chain(tree) for tree in trees]

@@ -1087,6 +1087,30 @@ def encode_png(
 
     The same frames give the same bytes."""
 
+def compress_rows(rows: NDArray[np.uint8]) -> bytes:
+    """Return the bytes of vertices (v, stride) as a stream of glTF's ``EXT_meshopt_compression``, mode ATTRIBUTES.
+
+    ``stride``: 4, 8, 12 or 16. Nothing is lost. Rows that resemble the row before them take the fewest bytes.
+
+    Raises `LeafcloudError` for another stride. The same rows give the same stream."""
+
+def decompress_rows(stream: bytes, count: int, stride: int) -> NDArray[np.uint8]:
+    """Return the bytes (count, stride) of a stream of `compress_rows`.
+
+    Raises `LeafcloudError` for a stream that is none, or that is too short for so many rows."""
+
+def compress_triangles(triangles: NDArray[np.uint32]) -> bytes:
+    """Return triangles (t, 3) as a stream of ``EXT_meshopt_compression``, mode TRIANGLES, at about 1 to 3 bytes each.
+
+    The triangles keep their order and orientation, but a triangle may begin at another of its corners. The same
+    triangles give the same stream."""
+
+def decompress_triangles(stream: bytes, count: int) -> NDArray[np.uint32]:
+    """Return the triangles (count, 3) of a stream of `compress_triangles`.
+
+    The indices of a foreign stream may be any. Raises `LeafcloudError` for a stream that is none, or that is too short for so many
+    triangles."""
+
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""
 

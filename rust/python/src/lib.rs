@@ -6,6 +6,7 @@
 
 mod arrays;
 mod blend;
+mod compression;
 mod curve;
 mod errors;
 mod foliage;
@@ -63,6 +64,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pictures::flip_map, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::encode_png, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::draw_text, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::compress_rows, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::decompress_rows, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::compress_triangles, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::decompress_triangles, module)?)?;
     module.add_function(wrap_pyfunction!(tools::area_scale, module)?)?;
     module.add_function(wrap_pyfunction!(tools::transition, module)?)?;
     module.add_function(wrap_pyfunction!(tools::switch_distance, module)?)
