@@ -95,7 +95,8 @@ def _append(glb: Glb, accessor: dict[str, Any], stream: _Stream, decompressed: d
     source: dict[str, Any] = {"buffer": 0, "byteOffset": len(glb.binary), "byteLength": len(stream.data)}
     source |= {"byteStride": stream.stride, "count": count, "mode": stream.mode, **form}
     glb.binary += stream.data
-    view: dict[str, Any] = {"buffer": 1, "byteOffset": start, "byteLength": count * stream.stride, "target": stream.target}
+    view: dict[str, Any] = {"buffer": 1, "byteOffset": start, "byteLength": count * stream.stride}
+    view["target"] = stream.target
     if stream.target == ARRAY_BUFFER:
         view["byteStride"] = stream.stride
     document["bufferViews"].append({**view, "extensions": {COMPRESSION: source}})

@@ -1108,8 +1108,8 @@ def compress_triangles(triangles: NDArray[np.uint32]) -> bytes:
 def decompress_triangles(stream: bytes, count: int) -> NDArray[np.uint32]:
     """Return the triangles (count, 3) of a stream of `compress_triangles`.
 
-    The indices of a foreign stream may be any. Raises `LeafcloudError` for a stream that is none, or that is too short for so many
-    triangles."""
+    The indices of a foreign stream may be any. Raises `LeafcloudError` for a stream that is none, or that is too short
+    for so many triangles."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""
