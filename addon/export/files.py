@@ -34,6 +34,7 @@ from .compression import compress
 from .engine_pages import EnginePage, engine_pages
 from .glb_file import Edit
 from .gpu_load import GpuLoad
+from .halved_channels import HalvedChannels
 from .joined_trunks import join_trunks
 from .lod_extension import LodChain, add_lods, screen_coverages
 from .pictures import film_name, write_pictures
@@ -116,12 +117,14 @@ def _edits(trees: Sequence[Baked]) -> list[Edit]:
     first = trees[0]
     engine = first.prepared.settings.engine
     clouds = _levels_by_material(trees)
-    taken = {name: page for name, page in _engine_pages(trees).items() if ktx2.is_taken(page)}
+    pages = _engine_pages(trees)
+    taken = {name: page for name, page in pages.items() if ktx2.is_taken(page)}
     textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
+    of_pages = [HalvedChannels(pages).add_to, textures.add_to]
     if not is_on(first.effects, "blend_order"):
-        return [VertexData(engine).add_to, textures.add_to]
+        return [VertexData(engine).add_to, *of_pages]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
-    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, textures.add_to]
+    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, *of_pages]
 
 
 @contextmanager

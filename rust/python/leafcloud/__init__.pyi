@@ -314,6 +314,12 @@ class Level:
         The sides of the page are halved ``halvings`` times, at most three: an engine draws the level only where texels
         are smaller than pixels. Alpha is another than that of ``base_color``: on the polygons about the same area is
         above the cutoff at mips 0 to 2 and, on most pages, at mip 3."""
+    def halved(self, channel: str, halvings: int) -> NDArray[np.uint8]:
+        """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …) with its sides halved ``halvings`` times.
+
+        Normals keep the length 1, colors are averaged as light. Base color is that of ``for_engines``.
+
+        Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``)."""
     def ktx2(self, channel: str, halvings: int = 0) -> bytes:
         """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
 

@@ -6,6 +6,7 @@
 
 mod arrays;
 mod blend;
+mod cloud;
 mod compression;
 mod curve;
 mod errors;
@@ -35,7 +36,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     settings::register(module)?;
     module.add_class::<foliage::PyMaterial>()?;
     module.add_class::<foliage::PyFoliage>()?;
-    module.add_class::<levels::PyCloud>()?;
+    module.add_class::<cloud::PyCloud>()?;
     module.add_class::<leaf_level::PyLeafLevel>()?;
     module.add_class::<levels::PyLevel>()?;
     module.add_class::<octahedral_level::PyOctahedralLevel>()?;
