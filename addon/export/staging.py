@@ -1,4 +1,11 @@
-"""Folder writes that are all or nothing: a hidden folder gathers the files until all are complete."""
+"""Folder writes that are all or nothing, also if the process is killed at any moment.
+
+A hidden folder beside the files gathers them until all are complete. A list in it, renamed into place, then decides:
+the files will be moved. Each move replaces one file at once. A process that is killed before the list leaves the old
+files, and one that is killed behind it some old and some new ones. The next process that writes into the folder removes
+the rest of the first, and moves the remaining files of the second. A lock tells the folders of the dead from those of
+the living: the system drops it with the process.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +13,33 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Collection
+import time
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from .. import ending
 
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks.
+    fcntl = None  # type: ignore[assignment]
+
+_PREFIX = ".leafcloud-"
+_REMOVED = "-removed"
+_LIST = "leafcloud-commit.json"
+"""Name of the list of the files to move and of those to remove."""
+_SURELY_DEAD = 24.0 * 3600.0
+"""Seconds after which a folder counts as left behind where no lock can tell."""
+
 
 class Staging:
     """A hidden folder in `directory` that gathers files until `commit` moves them up and replaces older ones.
 
-    Without a commit `directory` does not change, and folders created for it are removed again.
+    Without a commit `directory` does not change, and folders created for it are removed again. Completes or removes
+    what killed processes left behind in `directory`.
     Raises `OSError` if `directory` cannot be created or written to, or has a folder with a file's name.
     """
 
@@ -25,6 +47,7 @@ class Staging:
         self._directory = directory
         self._made: list[Path] = []
         self._folder: Path | None = None
+        self._lock: int | None = None
         self._files: list[str] = []
 
     def __enter__(self) -> Self:
@@ -34,7 +57,8 @@ class Staging:
                     if not folder.is_dir():
                         folder.mkdir()
                         self._made.append(folder)
-                self._folder = Path(tempfile.mkdtemp(prefix=".leafcloud-", dir=self._directory))
+                _recover(self._directory)
+                self._folder, self._lock = _locked_folder(self._directory)
             except OSError:
                 self._clean()
                 raise
@@ -77,18 +101,88 @@ class Staging:
         with ending.step():
             for name in self._files:
                 (self._folder / name).stat()
-            for name in self._files:
-                os.replace(self._folder / name, self._directory / name)
-            for name in set(earlier) - set(self._files):
-                (self._directory / name).unlink(missing_ok=True)
+            _decide(self._folder, self._files, sorted(set(earlier) - set(self._files)))
+            _move(self._folder, self._directory)
             self._made.clear()
             ending.finish()
 
     def _clean(self) -> None:
         if self._folder is not None:
-            # Renamed first: Blender may still be writing here when the process ends, and would add files.
-            shutil.rmtree(self._folder.rename(f"{self._folder}-removed"))
+            _remove(self._folder)
             self._folder = None
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
         for folder in reversed(self._made):
             folder.rmdir()
         self._made.clear()
+
+
+def _locked_folder(directory: Path) -> tuple[Path, int | None]:
+    """Return a new hidden folder and its lock; None where the system has none."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=directory))
+        with _lock_of(folder) as lock:
+            # Between the two lines above another process may have taken the folder for a dead one's.
+            if folder.is_dir():
+                return folder, None if lock is None else os.dup(lock)
+
+
+@contextmanager
+def _lock_of(folder: Path) -> Iterator[int | None]:
+    """Lock the folder while the block runs, or longer if the block duplicates the descriptor.
+
+    Yields None where the system has no such locks. Raises `BlockingIOError` if another process has the lock.
+    """
+    if fcntl is None:
+        yield None
+        return
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except FileNotFoundError:
+        yield None
+        return
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise
+        except OSError:  # A network drive without locks.
+            yield None
+            return
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _decide(folder: Path, files: list[str], removed: list[str]) -> None:
+    """Make the commit final: from now on the files will be moved, by this process or by the next."""
+    written = folder / f"{_LIST}.new"
+    written.write_text(json.dumps({"files": files, "removed": removed}), encoding="utf-8")
+    os.replace(written, folder / _LIST)
+
+
+def _move(folder: Path, directory: Path) -> None:
+    """Move the files of a final commit that are still in its folder."""
+    decided = json.loads((folder / _LIST).read_text(encoding="utf-8"))
+    for name in decided["files"]:
+        with suppress(FileNotFoundError):  # Moved before.
+            os.replace(folder / name, directory / name)
+    for name in decided["removed"]:
+        (directory / name).unlink(missing_ok=True)
+
+
+def _recover(directory: Path) -> None:
+    """Complete the commits, and remove the unfinished files, of processes that are dead."""
+    for folder in directory.glob(f"{_PREFIX}*"):
+        with suppress(OSError, ValueError, KeyError, TypeError), _lock_of(folder) as lock:
+            if lock is None and time.time() - folder.stat().st_mtime < _SURELY_DEAD:
+                continue
+            if (folder / _LIST).is_file() and not folder.name.endswith(_REMOVED):
+                _move(folder, directory)
+            _remove(folder)
+
+
+def _remove(folder: Path) -> None:
+    # Renamed first: Blender may still be writing here when the process ends, and would add files.
+    shutil.rmtree(folder.rename(f"{folder}{_REMOVED}"))
