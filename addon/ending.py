@@ -25,6 +25,9 @@ from typing import NoReturn
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 """Signals that end the process. The exit status is 128 plus the signal's number: 130 and 143."""
 
+_TEMPORARY = "leafcloud-bake-"
+"""Start of the names of temporary folders."""
+
 unfinished: list[Callable[[], None]] = []
 """Functions that remove unfinished files and folders when the process ends."""
 
@@ -79,15 +82,24 @@ def finish() -> None:
 
 
 def own_temporary_folder() -> None:
-    """Move the temporary files of Python and Blender to a folder that is removed at the end. Raise `OSError`."""
+    """Move the temporary files of Python and Blender to a folder that is removed at the end. Raise `OSError`.
+
+    Removes the folders of processes that were killed.
+    """
     import shutil
     import tempfile
+    from pathlib import Path
 
+    from .locked_folders import left_behind, locked_folder
+
+    directory = Path(tempfile.gettempdir())
+    for folder in left_behind(directory, _TEMPORARY):
+        shutil.rmtree(folder, ignore_errors=True)
     with step():
-        folder = tempfile.mkdtemp(prefix="leafcloud-")
-        unfinished.append(lambda: shutil.rmtree(folder))
-    tempfile.tempdir = folder
-    os.environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder))
+        own, _ = locked_folder(directory, _TEMPORARY)
+        unfinished.append(lambda: shutil.rmtree(own))
+    tempfile.tempdir = str(own)
+    os.environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(own)))
 
 
 def leave(status: int) -> NoReturn:

@@ -3,8 +3,8 @@
 A hidden folder beside the files gathers them until all are complete. A list in it, renamed into place, then decides:
 the files will be moved. Each move replaces one file at once. A process that is killed before the list leaves the old
 files, and one that is killed behind it some old and some new ones. The next process that writes into the folder removes
-the rest of the first, and moves the remaining files of the second. A lock tells the folders of the dead from those of
-the living: the system drops it with the process.
+the rest of the first, and moves the remaining files of the second. (`locked_folders` tells
+the folders of the dead from those of the living.)
 """
 
 from __future__ import annotations
@@ -12,27 +12,19 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tempfile
-import time
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from .. import ending
-
-try:
-    import fcntl
-except ImportError:  # Windows has no such locks.
-    fcntl = None  # type: ignore[assignment]
+from ..locked_folders import left_behind, locked_folder
 
 _PREFIX = ".leafcloud-"
 _REMOVED = "-removed"
 _LIST = "leafcloud-commit.json"
 """Name of the list of the files to move and of those to remove."""
-_SURELY_DEAD = 24.0 * 3600.0
-"""Seconds after which a folder counts as left behind where no lock can tell."""
 
 
 class Staging:
@@ -58,7 +50,7 @@ class Staging:
                         folder.mkdir()
                         self._made.append(folder)
                 _recover(self._directory)
-                self._folder, self._lock = _locked_folder(self._directory)
+                self._folder, self._lock = locked_folder(self._directory, _PREFIX)
             except OSError:
                 self._clean()
                 raise
@@ -118,43 +110,6 @@ class Staging:
         self._made.clear()
 
 
-def _locked_folder(directory: Path) -> tuple[Path, int | None]:
-    """Return a new hidden folder and its lock; None where the system has none."""
-    while True:
-        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=directory))
-        with _lock_of(folder) as lock:
-            # Between the two lines above another process may have taken the folder for a dead one's.
-            if folder.is_dir():
-                return folder, None if lock is None else os.dup(lock)
-
-
-@contextmanager
-def _lock_of(folder: Path) -> Iterator[int | None]:
-    """Lock the folder while the block runs, or longer if the block duplicates the descriptor.
-
-    Yields None where the system has no such locks. Raises `BlockingIOError` if another process has the lock.
-    """
-    if fcntl is None:
-        yield None
-        return
-    try:
-        descriptor = os.open(folder, os.O_RDONLY)
-    except FileNotFoundError:
-        yield None
-        return
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise
-        except OSError:  # A network drive without locks.
-            yield None
-            return
-        yield descriptor
-    finally:
-        os.close(descriptor)
-
-
 def _decide(folder: Path, files: list[str], removed: list[str]) -> None:
     """Make the commit final: from now on the files will be moved, by this process or by the next."""
     written = folder / f"{_LIST}.new"
@@ -174,10 +129,8 @@ def _move(folder: Path, directory: Path) -> None:
 
 def _recover(directory: Path) -> None:
     """Complete the commits, and remove the unfinished files, of processes that are dead."""
-    for folder in directory.glob(f"{_PREFIX}*"):
-        with suppress(OSError, ValueError, KeyError, TypeError), _lock_of(folder) as lock:
-            if lock is None and time.time() - folder.stat().st_mtime < _SURELY_DEAD:
-                continue
+    for folder in left_behind(directory, _PREFIX):
+        with suppress(OSError, ValueError, KeyError, TypeError):
             if (folder / _LIST).is_file() and not folder.name.endswith(_REMOVED):
                 _move(folder, directory)
             _remove(folder)

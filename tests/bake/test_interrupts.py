@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -94,3 +95,20 @@ def test_an_interrupted_bake_removes_the_folders_it_made(seconds: float, shrub: 
     process.communicate(timeout=100)
     assert process.returncode == 130
     assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("share", [0.2, 0.7, pytest.param(0.9, marks=pytest.mark.long)])
+def test_the_bake_after_a_killed_one_removes_all_that_it_left(
+    share: float, seconds: float, shrub: Path, tmp_path: Path
+) -> None:
+    out, temporary = tmp_path / "out", tmp_path / "temporary"
+    killed = start(shrub, out, temporary)
+    time.sleep(share * seconds)
+    killed.kill()
+    killed.communicate(timeout=100)
+    assert list(temporary.iterdir()), "it had no time to clean up"
+    again = start(shrub, out, temporary)
+    again.communicate(timeout=200)
+    assert again.returncode == 0
+    assert not list(temporary.iterdir())
+    assert {file.name for file in out.iterdir()} == set(json.loads((out / "report.json").read_text())["files"])
