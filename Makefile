@@ -156,6 +156,10 @@ viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browse
 	@tools/prerequisites.sh python
 	@$$(tools/prerequisites.sh --find-python) -m http.server --bind 127.0.0.1 8000
 
+.PHONY: bench-batch
+bench-batch: setup .venv/.test ## time batches of bakes with one and two processes, and with three Dask workers
+	.venv/bin/python bench/batch.py $(ARGS)
+
 .PHONY: faults
 faults: setup ## break bakes in many ways and look at what they leave: docs/reliability.md (an hour; needs root)
 	.venv/bin/python bench/faults.py $(ARGS)

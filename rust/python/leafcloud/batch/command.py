@@ -8,7 +8,7 @@ import os
 import shlex
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -23,7 +23,7 @@ from ..command import aligned
 from .process import Limits
 from .run import RECORD, Batch, Row, run, write_whole
 from .sheet import sheet
-from .trees import SUFFIXES, find_trees
+from .trees import SUFFIXES, Tree, find_trees
 
 _USAGE = "leafcloud-batch TREE … --out DIR [options] [-- flags of bake.py]"
 _DESCRIPTION = f"""Bake many trees, each in a process of its own. A tree that fails does not stop the others. A tree
@@ -55,7 +55,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             bar.write(_line(row), file=sys.stderr)
             bar.update()
 
-        rows = run(trees, batch, stop, tell)
+        try:
+            rows = _rows(options.scheduler, trees, batch, stop, tell)
+        except LeafcloudError as error:
+            print(f"leafcloud-batch: {error}", file=sys.stderr)
+            return 1
     try:
         _write(rows, batch.out)
     except OSError as error:
@@ -68,6 +72,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 128 + signals[0]
     print(f"{len(rows) - len(failed)} of {len(rows)} trees are baked: {batch.out / 'index.html'}")
     return 1 if failed else 0
+
+
+def _rows(
+    scheduler: str | None, trees: Sequence[Tree], batch: Batch, stop: Event, tell: Callable[[Row], None]
+) -> list[Row]:
+    """Run the batch on this machine, or on the workers of a scheduler. Raise `LeafcloudError` if none answers."""
+    if scheduler is None:
+        return run(trees, batch, stop, tell)
+    try:
+        from .cluster import run_on
+    except ImportError as error:
+        raise LeafcloudError("--scheduler needs Dask: pip install 'leafcloud[cluster]'") from error
+    return run_on(scheduler, trees, batch, stop, tell)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -86,6 +103,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="COMMAND",
         help="command that runs bake.py, such as 'blender -b --python bake.py --' (default: the bake.py beside this "
         "environment, with its Python)",
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="bake on the workers of the Dask scheduler there, such as tcp://10.0.0.1:8786, in place of --processes",
     )
     parser.add_argument("--again", action="store_true", help="bake trees that are done, too")
     return parser

@@ -73,18 +73,34 @@ def run(trees: Sequence[Tree], batch: Batch, stop: Event, tell: Callable[[Row], 
 def _row(tree: Tree, batch: Batch, program: str, stop: Event) -> Row | None:
     if stop.is_set():
         return None
-    folder = batch.out / tree.name
+    begun = begin(tree, batch, program)
+    if isinstance(begun, Row):
+        return begun
+    outcome = bake(batch.command, tree.file, batch.out / tree.name, batch.flags, batch.limits, stop)
+    return end(tree, batch, begun, outcome)
+
+
+def begin(tree: Tree, batch: Batch, program: str) -> Row | str:
+    """Return the row of a tree that is baked already or cannot be read, or else the key for its bake."""
     try:
         key = key_of(tree, batch.flags, program)
-        known = None if batch.again else _done_before(folder, key)
-        if known is not None:
-            return Row(tree, known, True, _report_in(folder))
-        outcome = bake(batch.command, tree.file, folder, batch.flags, batch.limits, stop)
-        if outcome.done:
-            write_whole(folder / RECORD, json.dumps({"key": key, **asdict(outcome)}, indent=2))
     except OSError as error:
-        outcome = Outcome(f"{error.filename or tree.file}: {error.strerror or error}", 0.0, 0)
-    return Row(tree, outcome, False, _report_in(folder) if outcome.done else None)
+        return Row(tree, Outcome(f"{error.filename or tree.file}: {error.strerror or error}", 0.0, 0), False, None)
+    folder = batch.out / tree.name
+    known = None if batch.again else _done_before(folder, key)
+    return key if known is None else Row(tree, known, True, _report_in(folder))
+
+
+def end(tree: Tree, batch: Batch, key: str, outcome: Outcome) -> Row:
+    """Return the row of a tree whose files are in its folder, and remember a success there."""
+    folder = batch.out / tree.name
+    if not outcome.done:
+        return Row(tree, outcome, False, None)
+    try:
+        write_whole(folder / RECORD, json.dumps({"key": key, **asdict(outcome)}, indent=2))
+    except OSError as error:
+        return Row(tree, Outcome(f"{folder}: {error.strerror or error}; make room there", 0.0, 0), False, None)
+    return Row(tree, outcome, False, _report_in(folder))
 
 
 def _done_before(folder: Path, key: str) -> Outcome | None:
@@ -119,7 +135,7 @@ def version_of(command: Sequence[str]) -> str:
             digest.update(str(file.relative_to(program.parent)).encode())
             with suppress(OSError):
                 digest.update(file.read_bytes())
-    return f"{__version__} {' '.join(command[:1])} {digest.hexdigest()}"
+    return f"{__version__} {digest.hexdigest()}"
 
 
 def write_whole(path: Path, text: str) -> None:
