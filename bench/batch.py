@@ -30,8 +30,8 @@ LIBRARY = 100_000
 
 INTRODUCTION = """# Batches
 
-Made by `make bench-batch`: {count} trees, baked one by one, and by `leafcloud-batch`. *Overhead*: over the sum of single
-bakes; limit 10 %. A bake uses all cores by itself, so more processes help only where a part of it cannot.
+Made by `make bench-batch`: {count} trees, baked one by one, and by `leafcloud-batch`. *Overhead*: over the sum of
+single bakes; limit 10 %. A bake uses all cores by itself, so more processes help only where a part of it cannot.
 
 """
 ON_PAPER = """
@@ -44,10 +44,11 @@ From the figures above: {seconds:.1f} s and {megabytes:.1f} MB of results a tree
 {hours}
 
 - Storage: {storage:.2f} TB. Each tree has a folder with about a dozen files: 1.2 million files.
-- The scheduler has at most two trees a worker on its way, so its memory does not grow with the library. All bytes pass the machine that
-  runs `leafcloud-batch`: {rate:.1f} MB/s with 100 workers, within a network of 1 Gbit/s. Beyond some 1,000 workers it is the first to break.
-- The summary and the contact sheet are one table and one page for all trees: the page has pictures that load as one scrolls, but 100,000 of
-  them make a browser slow. Bake a library of that size in parts, a folder each.
+- At most two trees a worker are on their way, so the scheduler's memory does not grow with the library. All bytes pass
+  the machine that runs `leafcloud-batch`: {rate:.1f} MB/s with 100 workers. With more workers its network is the first
+  to break, at 125 MB/s for 1 Gbit/s.
+- The summary and the contact sheet are one table and one page for all trees. Pictures load as one scrolls, but 100,000
+  of them make a browser slow: bake a library of that size in parts, a folder each.
 - `--minutes` and `--memory` set aside what would hold a worker for ever; `batch.json` lists it with its reason.
 """
 
