@@ -1,6 +1,6 @@
 import type { Camera, Scene, TransformNode, Vector3 } from "@babylonjs/core";
 
-/** Settings of the drawing of a tree. Distances are in the tree's own units. */
+/** Settings of the drawing of a tree or of a forest. Distances are in the tree's own units. */
 export interface Settings {
   /** Level to show at all distances; null: the level for the distance. */
   level: number | null;
@@ -12,9 +12,16 @@ export interface Settings {
   fade: number;
   /** The same after a morph. */
   fadeBehindMorph: number;
+  /** Strength of the wind; 0: no motion; null: the file's. */
+  wind: number | null;
+  /** Time of the wind; null: the page's clock. */
+  seconds: number | null;
 }
 
 export const SETTINGS: Readonly<Settings>;
+
+/** Source of the laws as GLSL functions, for shaders of your own. */
+export const LAWS: string;
 
 /** A tree that shows the level for the active camera's distance before each picture of its scene. */
 export class Tree {

@@ -1,7 +1,8 @@
 // Runs code of the documentation with Babylon.js, and answers with pictures.
 //
-// The question is {code, file, side, views: [{eye, target, fov}], settings}, as in three.js beside this file. The answer has for
-// each view its `pixels`, the number of drawn `triangles` and the names of the `shown` levels.
+// The question is {code, file, side, views: [{eye, target, fov}], settings}, as in three.js beside this file. With `leftHanded`
+// the scene is Babylon.js's usual one: the eyes are mirrored like the files. The answer has for each view its `pixels`, the number
+// of drawn `triangles` and the names of the `shown` levels.
 import { Color3, Color4, Engine, FreeCamera, HemisphericLight, Scene, Vector3 } from "@babylonjs/core";
 
 /** Runs a module's text and returns its `tree`. */
@@ -11,9 +12,9 @@ async function treeOf(code, scene) {
   return (await import(URL.createObjectURL(new Blob([text], { type: "text/javascript" })))).tree;
 }
 
-function newScene(engine) {
+function newScene(engine, leftHanded) {
   const scene = new Scene(engine);
-  scene.useRightHandedSystem = true;
+  scene.useRightHandedSystem = !leftHanded;
   scene.clearColor = new Color4(0, 0, 0, 0);
   // Light from all sides.
   const light = new HemisphericLight("light", Vector3.Up(), scene);
@@ -24,10 +25,11 @@ function newScene(engine) {
 }
 
 function look(camera, { eye, target, fov }) {
-  camera.position = Vector3.FromArray(eye);
-  camera.setTarget(Vector3.FromArray(target));
+  const [from, to] = [eye, target].map(([x, y, z]) => new Vector3(camera.getScene().useRightHandedSystem ? x : -x, y, z));
+  camera.position = from;
+  camera.setTarget(to);
   camera.fov = (fov * Math.PI) / 180;
-  const away = Vector3.Distance(camera.position, Vector3.FromArray(target));
+  const away = Vector3.Distance(from, to);
   Object.assign(camera, { minZ: away / 100, maxZ: 100 * away });
 }
 
@@ -37,11 +39,11 @@ function encoded(pixels) {
   return btoa(text);
 }
 
-async function answerTo({ code, file, side, views, settings = {} }) {
+async function answerTo({ code, file, side, views, settings = {}, leftHanded = false }) {
   const canvas = document.querySelector("#canvas");
   Object.assign(canvas, { width: side, height: side });
   const engine = new Engine(canvas, false, { preserveDrawingBuffer: true, premultipliedAlpha: false, alpha: true }, false);
-  const scene = newScene(engine);
+  const scene = newScene(engine, leftHanded);
   const camera = new FreeCamera("camera", Vector3.Zero(), scene);
   const tree = await treeOf(code.replaceAll("pine.glb", file), scene);
   Object.assign(tree.settings, settings);

@@ -30,7 +30,7 @@ PACKAGE = ENGINES / "babylon"
 @pytest.fixture(scope="module")
 def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("babylon")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--effects=+transitions,+pruning")
+    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions,+pruning,+wind")
     bundle(out)
     return out / "shrub.glb"
 
@@ -62,7 +62,10 @@ def test_the_leaves_lie_on_level_1_at_the_hand_over(tree: Path) -> None:
     view["fov"] = math.degrees(2.0 * math.atan(half))
     zoomed = 256.0 * half / math.tan(math.radians(25.0))
     covered = [
-        pictures("babylon", tree, views=[view], settings={"level": number, "pixels": zoomed})[0]["pixels"][..., 3] > 0
+        pictures("babylon", tree, views=[view], settings={"level": number, "pixels": zoomed, "seconds": 3.7})[0][
+            "pixels"
+        ][..., 3]
+        > 0
         for number in (0, 1)
     ]
     both, either = (covered[0] & covered[1]).sum(), (covered[0] | covered[1]).sum()

@@ -63,7 +63,7 @@ export class Level {
     Object.assign(this, source);
     this.node = root.getDescendants(false).find((each) => each.name === name);
     this.meshes = meshesOf(this.node);
-    /** Places points of the level in the coordinates of the tree, without Babylon.js's change of handedness. */
+    /** Factor of length of the level's node. */
     this.scale = scaleOf(this.node.computeWorldMatrix(true)) / scaleOf(root.computeWorldMatrix(true));
     this.wind = extras.wind ?? null;
     this.#set(extras, tables.area_shares);
@@ -112,9 +112,10 @@ export class Level {
   }
 
   #blow({ direction: [x, y, z], up, foot, height, spread, gusts, flutter, strength, period, sway, branches }, { wind, seconds }) {
+    // Babylon.js mirrors the x of files in left-handed scenes.
     const handed = this.node.getScene().useRightHandedSystem ? 1 : -1;
     Object.assign(this.#numbers, {
-      lcWindDirection: [x, y, handed * z],
+      lcWindDirection: [handed * x, y, z],
       lcWindUp: up,
       lcWindFoot: foot,
       lcWindShape: [height, spread, gusts, flutter],
