@@ -1,7 +1,7 @@
 """Leaves and trunk in the package for Babylon.js, beside the law of the wind in f64.
 
-The file has a few small squares, each in its own color: leaves on long stalks, and one as a piece of a trunk. The place of a
-square is the center of its pixels.
+The file has a few small squares, each in its own color: leaves on long stalks, and one as a piece of a trunk. The place
+of a square is the center of its pixels.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from engine_views import bundle, pictures
 from laws import Air, Floats, blown, fluttered
+from numpy.typing import NDArray
 from small_glb import write_glb
 
 COLORS = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [0, 1, 1], [1, 0, 1]], float)
@@ -63,11 +64,11 @@ def write_tree(path: Path, transition: float) -> Path:
         return np.repeat(values, 4, axis=0).astype(np.float32)
 
     numbers = np.column_stack([np.full(LEAVES, -1.0), PIVOTS, PIVOTS + 0.5 * TARGETS, PHASES, CARRIERS, FREEDOM])
-    arrays: list[np.ndarray] = []
+    arrays: list[NDArray[Any]] = []
     primitives: list[dict[str, Any]] = []
     for part, is_leaf in ((slice(0, LEAVES), True), (slice(LEAVES, None), False)):
         points, indices = squares(MIDDLES[part])
-        named = {"POSITION": points.astype(np.float32), "COLOR_0": vertices(COLORS[part])}
+        named: dict[str, NDArray[Any]] = {"POSITION": points.astype(np.float32), "COLOR_0": vertices(COLORS[part])}
         named["NORMAL"] = np.tile(np.array([[0.0, 0.0, 1.0]], np.float32), (len(points), 1))
         if is_leaf:
             pairs = np.hsplit(vertices(numbers), 6)
@@ -96,7 +97,7 @@ def write_tree(path: Path, transition: float) -> Path:
 
 
 def expected(a: float, seconds: float, strength: float, angle: float, place: Floats) -> Floats:
-    """Return the middles (n, 3) in the world of the tree that is turned by `angle` about the vertical axis at `place`."""
+    """Return the middles (n, 3) in the world, of the tree at `place`, turned by `angle` about the vertical axis."""
     c, s = math.cos(angle), math.sin(angle)
     turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
     air = Air(
@@ -169,3 +170,41 @@ def test_leaves_and_trunk_follow_the_law(
         moved.append(law)
     assert np.linalg.norm(moved[0] - moved[2], axis=1).min() > 3.0
     assert np.linalg.norm(moved[0] - moved[1], axis=1).max() > 20.0
+
+
+SHADOWS = """
+import { DirectionalLight, MeshBuilder, ShadowGenerator, Vector3 } from "@babylonjs/core";
+const sun = new DirectionalLight("sun", new Vector3(...DOWN), scene);
+sun.position = new Vector3(...DOWN).scale(-10);
+scene.lights[0].setEnabled(false);
+const wall = MeshBuilder.CreatePlane("wall", { size: 12 }, scene);
+wall.position.z = -3;
+wall.rotation.y = Math.PI;
+wall.receiveShadows = true;
+const shadows = new ShadowGenerator(2048, sun);
+tree.root.getChildMeshes().forEach((mesh) => shadows.addShadowCaster(mesh, false));
+"""
+
+
+def test_shadows_move_with_the_leaves_and_the_trunk(tmp_path: Path) -> None:
+    """The sun throws the squares onto a wall; their shadows lie where the law says."""
+    file = write_tree(tmp_path / "tree.glb", 0.4)
+    bundle(tmp_path)
+    sun = np.array([0.9, -0.25, -1.0])
+    code = CODE.replace("ANGLE", "0").replace("PLACE", "[0, 0, 0]") + SHADOWS.replace("DOWN", str(sun.tolist()))
+    half = math.tan(math.radians(4.0))
+    view = {"eye": [0.0, 0.0, AWAY], "target": [0.0, 0.0, 0.0], "fov": 8.0}
+    # The wider view has more pixels, so that the distance of the laws stays.
+    pixels = SIDE * half / math.tan(math.radians(FOV / 2.0))
+    lit = []
+    for wind in (0.0, -9.0):
+        settings = {"seconds": 4.4, "wind": wind, "pixels": pixels}
+        [picture] = pictures("babylon", file, settings=settings, code=code, views=[view], side=SIDE)
+        points = expected(0.4, 4.4, wind, 0.0, np.zeros(3))
+        fallen = points + sun * (points[:, 2:] + 3.0)
+        places = SIDE / 2.0 + SIDE / 2.0 / half * fallen[:, :2] / (AWAY + 3.0) * [1.0, -1.0]
+        columns, rows = places.astype(int).T
+        light = picture["pixels"][..., :3].sum(axis=-1)
+        assert (light[rows, columns] < 0.2 * light.max()).all()
+        lit.append(light)
+    assert ((lit[0] > 0.5 * lit[0].max()) != (lit[1] > 0.5 * lit[1].max())).sum() > 200
