@@ -1,5 +1,5 @@
 // Many copies of one tree, each with the level for its own distance.
-import { Frustum, Geometry, Matrix, Vector3, VertexBuffer } from "@babylonjs/core";
+import { BoundingInfo, Frustum, Geometry, Matrix, Vector3, VertexBuffer } from "@babylonjs/core";
 import { NEVER, viewFactor } from "./laws.js";
 import { rangesOf, scaleOf } from "./levels.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
@@ -48,7 +48,10 @@ export class Forest {
     }
     this.#places = places.map((place) => place.clone());
     this.#spheres = places.map((place) => ({ middle: Vector3.TransformCoordinates(this.centre, place), scale: scaleOf(place) }));
-    this.#layers.forEach((layer) => (layer.matrices = this.#places.map((place) => layer.matrixAt(place))));
+    this.#layers.forEach((layer) => {
+      layer.matrices = this.#places.map((place) => layer.matrixAt(place));
+      bound(layer, this.#spheres, this.#reach);
+    });
     this.#sortedFor = "";
   }
 
@@ -112,7 +115,7 @@ function newLayer(level, capacity) {
     mesh.thinInstanceSetBuffer("matrix", instances, 16, false);
   }
   // Babylon.js places an instance in the coordinates of its mesh.
-  return { level, toTree, instances, count: 0, nearest: NEVER, matrixAt: (place) => toTree.multiply(place).multiply(back) };
+  return { level, toTree, back, instances, count: 0, nearest: NEVER, matrixAt: (place) => toTree.multiply(place).multiply(back) };
 }
 
 /** Returns a geometry with the same buffers, for instances of its own. */
@@ -127,6 +130,18 @@ function sharing(geometry, scene) {
   }
   made.setIndices(geometry.getIndices());
   return made;
+}
+
+/** Gives the meshes of a level a box around all trees, which lights ask for. `reach`: radius of a tree. */
+function bound({ level, back }, spheres, reach) {
+  const [least, most] = [new Vector3(Infinity, Infinity, Infinity), new Vector3(-Infinity, -Infinity, -Infinity)];
+  for (const { middle, scale } of spheres) {
+    const own = Vector3.TransformCoordinates(middle, back);
+    const half = new Vector3(1, 1, 1).scaleInPlace((reach * scale) / level.scale);
+    least.minimizeInPlace(own.subtract(half));
+    most.maximizeInPlace(own.add(half));
+  }
+  level.meshes.forEach((mesh) => mesh.setBoundingInfo(new BoundingInfo(least, most)));
 }
 
 /** Gives a level the trees at distances in its range. */
