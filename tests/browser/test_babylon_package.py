@@ -38,7 +38,6 @@ def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_each_level_is_drawn_at_its_distances(tree: Path) -> None:
     levels = levels_of(tree)
     drawn, views = views_of_all_levels(levels)
-    assert len([line for line in code_of("babylon").splitlines() if line]) <= 5
     for numbers, picture in zip(drawn, pictures("babylon", tree, views=views), strict=True):
         assert {name.split("_primitive")[0] for name in picture["shown"]} == {f"shrub_LOD{n}" for n in numbers}
         most = sum(triangles(levels[number]) for number in numbers)
@@ -78,12 +77,20 @@ def test_it_has_the_version_of_the_project() -> None:
     assert json.loads((PACKAGE / "package.json").read_text())["version"] == version
 
 
-def test_the_code_of_its_readme_has_the_declared_types() -> None:
-    example = PACKAGE / "example.ts"
-    text = 'import { NullEngine, Scene } from "@babylonjs/core";\nconst scene = new Scene(new NullEngine());\n'
+EXAMPLE = """
+import { Matrix, NullEngine, Scene } from "@babylonjs/core";
+const scene = new Scene(new NullEngine());
+const places = [Matrix.Identity()];
+"""
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_the_code_of_its_readme_has_the_declared_types(number: int) -> None:
+    example = PACKAGE / f"example_{number}.ts"
     options = ("--noEmit", "--strict", "--module", "nodenext", "--target", "es2022", "--skipLibCheck")
+    assert len([line for line in code_of("babylon", number).splitlines() if line]) <= 5
     try:
-        example.write_text(text + code_of("babylon") + "\ntree.settings.level = 1;\nexport {};\n")
+        example.write_text(EXAMPLE + code_of("babylon", number) + "\ntree.settings.level = 1;\nexport {};\n")
         compiler = ENGINES / "three" / "node_modules" / ".bin" / "tsc"
         done = subprocess.run(
             [compiler, *options, example.name], cwd=PACKAGE, capture_output=True, text=True, check=False
@@ -91,3 +98,9 @@ def test_the_code_of_its_readme_has_the_declared_types() -> None:
     finally:
         example.unlink()
     assert done.returncode == 0, done.stdout
+
+
+def test_the_page_about_engines_has_the_code_of_its_readme() -> None:
+    """The README's code runs in these tests."""
+    _, section = (ROOT / "docs" / "engines.md").read_text().split("\n## Babylon.js\n")
+    assert code_of("babylon", 1) in section.split("\n## ")[0]

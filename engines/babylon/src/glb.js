@@ -64,7 +64,7 @@ function chainsIn({ nodes }) {
 
 /**
  * Shows all levels of tree number `tree` in the scene: Babylon.js reads MSFT_lod as steps of loading. Without `ktx2` the PNG
- * textures are read: Babylon.js waits for ever for a transcoder that it cannot reach.
+ * textures are read.
  */
 export function withLevels(document, { ktx2, tree }) {
   const chains = chainsIn(document);
