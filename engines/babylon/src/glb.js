@@ -83,7 +83,10 @@ function withoutNumbers(primitive) {
   Object.keys(primitive.attributes).filter(isNumber).forEach((name) => delete primitive.attributes[name]);
 }
 
-/** Returns the levels of tree number `tree`: their nodes' names and extras, the tables of their meshes, and the numbers of their leaves. */
+/**
+ * Returns the levels of tree number `tree`: their nodes' names and extras, the tables of their meshes, the numbers of their
+ * leaves, and the images of an octahedral impostor.
+ */
 export function levelsIn(document, rest, tree) {
   const chains = chainsIn(document);
   if (chains.length === 0) throw new Error("No levels in this file: load a NAME.glb that Leafcloud wrote.");
@@ -94,7 +97,8 @@ export function levelsIn(document, rest, tree) {
       const { primitives, extras: own } = document.meshes[mesh];
       const tables = own?.leafcloud ?? {};
       const leaves = primitives.slice(0, tables.first_trunk_primitive ?? primitives.length);
-      return { name, extras: extras.leafcloud, tables, numbers: leaves.map((each) => numbersOf(document, rest, tables, each)) };
+      const numbers = leaves.map((each) => numbersOf(document, rest, tables, each));
+      return { name, extras: extras.leafcloud, tables, numbers, images: imagesOf(document, rest, primitives[0].material) };
     })
     .sort((a, b) => a.extras.level - b.extras.level);
 }
@@ -106,4 +110,15 @@ function numbersOf(document, rest, { first_texcoord: first, prefixes }, { attrib
   const sets = Array.from({ length: 6 }, (_, i) => attributes[`TEXCOORD_${(first ?? Infinity) + i}`]);
   const read = (number) => (number === undefined ? null : floatsOf(document, rest, number));
   return { count, positions: read(attributes.POSITION), sets: sets.map(read), offsets: read(targets?.[0].POSITION) };
+}
+
+/** Returns the bytes of the PNG files {color, normalDepth} of an octahedral impostor; null for other materials. */
+function imagesOf(document, rest, material) {
+  const { octahedralTexture: color, octahedralNormalTexture: normalDepth } = document.materials?.[material]?.extras?.leafcloud ?? {};
+  if (!color || !normalDepth) return null;
+  const bytes = ({ index }) => {
+    const { byteOffset = 0, byteLength } = document.bufferViews[document.images[document.textures[index].source].bufferView];
+    return rest.subarray(8 + byteOffset, 8 + byteOffset + byteLength); // Behind the header of the chunk.
+  };
+  return { color: bytes(color), normalDepth: bytes(normalDepth) };
 }

@@ -1,31 +1,38 @@
 // The levels of a file: read once (`sourcesOf`), then dressed in materials for each tree or forest (`Level`).
-import { BoundingInfo, ShadowDepthWrapper, Texture, Vector3 } from "@babylonjs/core";
+import { BoundingInfo, ShadowDepthWrapper, Texture, Vector3, VertexBuffer } from "@babylonjs/core";
 import { addAttributes } from "./attributes.js";
 import { HAND_OVER, keepAt, NEVER, windForce } from "./laws.js";
 import { LevelPlugin, newNumbers } from "./material.js";
+import { ImpostorPlugin, impostorNumbers, impostorMaterial, QUAD } from "./octahedral.js";
 
 /** Reach of growing leaves in crown radii: they extend beyond the crown. */
 const REACH = 1.2;
 
 /**
  * Gives the meshes of a loaded container the attributes of the shaders. Returns the sources of all copies, the leaves first: names of
- * nodes, extras and tables, the distances `start` and `end` of the morph, and `handOver`, where the next level begins to appear.
+ * nodes, extras and tables, the textures `pages` of an octahedral impostor, the distances `start` and `end` of the morph, and `handOver`, where the next level begins to appear.
  */
 export function sourcesOf(container, levels) {
-  for (const { name, extras, numbers } of levels) {
+  for (const { name, extras, numbers, pages } of levels) {
     const meshes = meshesOf(container.getNodes().find((node) => node.name === name));
+    if (pages) {
+      meshes[0].removeVerticesData(VertexBuffer.TangentKind);
+      QUAD.applyToMesh(meshes[0]);
+      continue;
+    }
     numbers.forEach((each, i) => {
       addAttributes(meshes[i], each);
       if (meshes[i].material?.albedoTexture) sharpen(meshes[i].material.albedoTexture, extras.level);
     });
   }
-  const sources = levels.map(({ name, extras, tables, numbers }) => {
+  const sources = levels.map(({ name, extras, tables, numbers, pages }) => {
     const morphs = Number.isFinite(extras.transition_end);
     const { transition_start: start, transition_end: end } = extras;
-    return { name, extras, tables, leaves: numbers.length, morphs, ...(morphs ? { start, end } : { start: NEVER, end: NEVER }) };
+    return { name, extras, tables, pages, leaves: numbers.length, morphs, ...(morphs ? { start, end } : { start: NEVER, end: NEVER }) };
   });
   sources.forEach((source, i) => {
-    const next = sources[i + 1]?.extras.switch_distance ?? Infinity;
+    const { extras } = sources[i + 1] ?? {};
+    const next = (extras?.octahedral ?? extras)?.switch_distance ?? Infinity;
     source.handOver = source.morphs ? source.start + HAND_OVER * (source.end - source.start) : next;
   });
   return sources;
@@ -84,16 +91,28 @@ export class Level {
   }
 
   #dress(mesh, leaves, prefixes) {
-    const material = mesh.material.clone(mesh.material.name);
-    mesh.material = material;
-    // Levels with baked light store colors above 1 with this factor.
-    material.albedoColor?.scaleInPlace(material.metadata?.gltf?.extras?.leafcloud?.light_strength ?? 1);
-    new LevelPlugin(material, { numbers: this.#numbers, leaves, wind: this.wind !== null });
+    mesh.material = this.pages ? this.#impostor(mesh.material) : this.#cloud(mesh.material, leaves);
+    const { material } = mesh;
     material.shadowDepthWrapper = new ShadowDepthWrapper(material, mesh.getScene(), { standalone: true });
     // The wind moves points out of any bounds.
     mesh.alwaysSelectAsActiveMesh = this.wind !== null;
     widen(mesh, this.extras);
     if (leaves && prefixes) this.#pruned.push({ mesh, prefixes });
+  }
+
+  #cloud(original, leaves) {
+    const material = original.clone(original.name);
+    // Levels with baked light store colors above 1 with this factor.
+    material.albedoColor?.scaleInPlace(material.metadata?.gltf?.extras?.leafcloud?.light_strength ?? 1);
+    new LevelPlugin(material, { numbers: this.#numbers, leaves, wind: this.wind !== null });
+    return material;
+  }
+
+  #impostor(original) {
+    Object.assign(this.#numbers, impostorNumbers(this.extras.octahedral));
+    const material = impostorMaterial(original);
+    new ImpostorPlugin(material, { numbers: this.#numbers, pages: this.pages });
+    return material;
   }
 
   /**

@@ -3,6 +3,7 @@ import { BaseTexture, LoadAssetContainerAsync } from "@babylonjs/core";
 import "@babylonjs/loaders/glTF/index.js";
 import { joined, levelsIn, split, withLevels } from "./glb.js";
 import { sourcesOf } from "./levels.js";
+import { pagesOf } from "./octahedral.js";
 import { useTranscoder } from "./transcoder.js";
 import { Tree } from "./tree.js";
 
@@ -21,8 +22,12 @@ export async function loadTree(url, scene, { ktx2 = null, tree = 0 } = {}) {
   const levels = levelsIn(document, rest, tree);
   const content = joined(withLevels(document, { ktx2: ktx2 !== null && (await canTranscode(ktx2)), tree }), rest);
   const container = await LoadAssetContainerAsync(content, scene, { pluginExtension: ".glb", name: url });
+  for (const level of levels) {
+    if (level.images) level.pages = pagesOf(level.images, scene, `${url} ${level.name}`);
+  }
+  const textures = levels.flatMap(({ pages }) => Object.values(pages ?? {}));
   // A texture that arrives later would get the sampling of its file again.
-  await new Promise((done) => BaseTexture.WhenAllReady(container.textures, done));
+  await new Promise((done) => BaseTexture.WhenAllReady([...container.textures, ...textures], done));
   return new Tree({ container, levels: sourcesOf(container, levels) }, scene);
 }
 

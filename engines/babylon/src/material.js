@@ -25,14 +25,16 @@ const UNIFORMS = {
 const EVEN_SHARES = Array.from({ length: 65 }, (_, i) => (i / 64) ** 2);
 
 const TYPES = [null, "float", "vec2", "vec3", "vec4"];
-const DECLARED = [
-  ...Object.entries(UNIFORMS).map(([name, { length }]) => ({ name, size: length, type: TYPES[length] })),
-  { name: "lcShares", size: 1, type: "float", arraySize: EVEN_SHARES.length },
-];
-const WITHOUT_BUFFER = DECLARED.map(({ name, type, arraySize }) => `uniform ${type} ${name}${arraySize ? `[${arraySize}]` : ""};`).join("\n");
+
+/** Returns the declarations of uniforms, for a plug-in, by their numbers. */
+export function declared(uniforms) {
+  return Object.entries(uniforms).map(([name, { length }]) => ({ name, size: length, type: TYPES[length] }));
+}
+
+const DECLARED = [...declared(UNIFORMS), { name: "lcShares", size: 1, type: "float", arraySize: EVEN_SHARES.length }];
 
 /** The tree's place in the world, and the distance by which the laws decide, also for each instance. */
-const DISTANCE = `
+export const DISTANCE = `
 flat varying float lcDistanceSeen;
 
 mat4 lcTreePlace() {
@@ -93,7 +95,7 @@ const MOVE = `
     lcDistanceSeen = lcDistance(lcPlace);
     positionUpdated = lcMoved(positionUpdated, lcPlace);
 `;
-const FADE = `
+export const FADE = `
     if (!lc_shown(lc_transition(lcDistanceSeen, lcFadeAt.x, lcFadeAt.y), gl_FragCoord.xy)
         || lc_shown(lc_transition(lcDistanceSeen, lcFadeAt.z, lcFadeAt.w), gl_FragCoord.xy)) discard;
 `;
@@ -148,12 +150,18 @@ export class LevelPlugin extends MaterialPluginBase {
     if (this.#leaves) attributes.push(...Object.keys(ATTRIBUTES));
   }
 
+  /** Uniforms of the shaders. */
+  get declared() {
+    return DECLARED;
+  }
+
   getUniforms() {
-    return { ubo: DECLARED, vertex: WITHOUT_BUFFER, fragment: WITHOUT_BUFFER };
+    const text = this.declared.map(({ name, type, arraySize }) => `uniform ${type} ${name}${arraySize ? `[${arraySize}]` : ""};`).join("\n");
+    return { ubo: this.declared, vertex: text, fragment: text };
   }
 
   bindForSubMesh(buffer) {
-    for (const { name, size, arraySize } of DECLARED) {
+    for (const { name, size, arraySize } of this.declared) {
       const numbers = this.#numbers[name];
       if (arraySize) buffer.updateFloatArray(name, numbers);
       else buffer[`updateFloat${size > 1 ? size : ""}`](name, ...numbers);
