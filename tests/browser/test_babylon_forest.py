@@ -18,7 +18,7 @@ COUNT = 48
 @pytest.fixture(scope="module")
 def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("babylon_forest")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions,+pruning,+wind")
+    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "octahedral", "--effects=+transitions,+pruning,+wind")
     bundle(out)
     return out / "shrub.glb"
 
@@ -112,3 +112,44 @@ def test_trees_behind_the_camera_are_not_drawn(tree: Path) -> None:
     view = {"eye": [0.0, radius, 5.0 * radius], "target": [0.0, radius, 100.0 * radius], "fov": 50.0}
     [picture] = forest(tree, views=[view])
     assert picture["triangles"] == 0
+
+
+SHADOWS = """
+import { DirectionalLight, MeshBuilder, ShadowGenerator, Vector3 } from "@babylonjs/core";
+const sun = new DirectionalLight("sun", new Vector3(-0.3, -1, 0.5), scene);
+sun.position = new Vector3(0, 50, 0);
+scene.lights[0].setEnabled(false);
+const ground = MeshBuilder.CreateGround("ground", { width: 60, height: 60 }, scene);
+ground.receiveShadows = true;
+const shadows = new ShadowGenerator(2048, sun);
+const casters = SOURCES.flatMap((each) => each.root.getChildMeshes());
+casters.forEach((mesh) => shadows.addShadowCaster(mesh, false));
+"""
+COPIES = """
+import { loadTree, Quaternion } from "leafcloud-babylon";
+const tree = await loadTree("pine.glb", scene);
+tree.root.setEnabled(false);
+const copies = places.map((place) => {
+  const copy = Object.assign(tree.clone(), { settings: { ...tree.settings, seconds: 2 } });
+  copy.root.rotationQuaternion = new Quaternion();
+  place.decompose(copy.root.scaling, copy.root.rotationQuaternion, copy.root.position);
+  return copy;
+});
+"""
+
+
+def test_a_forest_casts_the_shadows_of_its_trees(tree: Path) -> None:
+    radius = levels_of(tree)[0].extras["leafcloud"]["radius"]
+    view = {"eye": [5.0 * radius, 14.0 * radius, 2.0 * radius], "target": [0.0, 0.0, -8.0 * radius], "fov": 60.0}
+    codes = [
+        code_of("babylon", 1) + SHADOWS.replace("SOURCES", "[forest]"),
+        COPIES + SHADOWS.replace("SOURCES", "copies"),
+    ]
+    dark = []
+    for code in codes:
+        [picture] = forest(tree, code=code, views=[view], settings={"seconds": 2.0})
+        light = picture["pixels"][..., :3].max(axis=-1)
+        dark.append((light < 0.1 * light.max()) & (picture["pixels"][..., 3] > 0))
+    assert dark[1].mean() > 0.01
+    # The light's map covers the casters' boxes, so that it has other texels around a forest.
+    assert (dark[0] != dark[1]).mean() < 0.2 * dark[1].mean()

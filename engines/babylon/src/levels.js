@@ -9,8 +9,9 @@ import { ImpostorPlugin, impostorNumbers, impostorMaterial, QUAD } from "./octah
 const REACH = 1.2;
 
 /**
- * Gives the meshes of a loaded container the attributes of the shaders. Returns the sources of all copies, the leaves first: names of
- * nodes, extras and tables, the textures `pages` of an octahedral impostor, the distances `start` and `end` of the morph, and `handOver`, where the next level begins to appear.
+ * Gives the meshes of a loaded container the attributes of the shaders. Returns the sources of all copies, the leaves first. Each has
+ * `name`, of its node; `extras` and `tables`; `pages`, the textures of an octahedral impostor; the distances `start` and `end` of its
+ * morph, and `handOver`, where the next level begins to appear.
  */
 export function sourcesOf(container, levels) {
   for (const { name, extras, numbers, pages } of levels) {
@@ -50,7 +51,10 @@ function meshesOf(node) {
   return node.getChildMeshes(false).length ? node.getChildMeshes(false) : [node];
 }
 
-/** Returns for each level the distances at which it appears (from, to) and goes (from, to). `wanted`: the level for all distances, or null. */
+/**
+ * Returns for each level the distances at which it appears (from, to) and goes (from, to). `wanted`: the level for all distances,
+ * or null.
+ */
 export function rangesOf(levels, wanted, settings) {
   const fade = ({ morphs }) => (morphs ? settings.fadeBehindMorph : settings.fade);
   const ends = levels.slice(0, -1).map((level) => [level.handOver, level.handOver * (1 + fade(level))]);

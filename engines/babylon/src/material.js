@@ -156,7 +156,8 @@ export class LevelPlugin extends MaterialPluginBase {
   }
 
   getUniforms() {
-    const text = this.declared.map(({ name, type, arraySize }) => `uniform ${type} ${name}${arraySize ? `[${arraySize}]` : ""};`).join("\n");
+    const line = ({ name, type, arraySize }) => `uniform ${type} ${name}${arraySize ? `[${arraySize}]` : ""};`;
+    const text = this.declared.map(line).join("\n");
     return { ubo: this.declared, vertex: text, fragment: text };
   }
 

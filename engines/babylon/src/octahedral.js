@@ -17,7 +17,8 @@ export function impostorNumbers({ to_layout: rows, extent, half, grid, texels, a
   return { ...layout, lcExtent: extent, lcHalfBox: half, lcViews: [grid, texels], lcCutoff: [cutoff] };
 }
 
-const SIZES = { lcLayoutX: [0, 0, 0, 0], lcLayoutY: [0, 0, 0, 0], lcLayoutZ: [0, 0, 0, 0], lcExtent: [0, 0], lcHalfBox: [0, 0, 0], lcViews: [0, 0], lcCutoff: [0] };
+const ROW = [0, 0, 0, 0];
+const SIZES = { lcLayoutX: ROW, lcLayoutY: ROW, lcLayoutZ: ROW, lcExtent: [0, 0], lcHalfBox: [0, 0, 0], lcViews: [0, 0], lcCutoff: [0] };
 
 const IMPOSTOR = `
 LcOctahedral lcImpostor() {
