@@ -47,6 +47,9 @@ FOLIAGE = ROOT.parent / "shared" / "foliage"
 TREES = ("pine_cards_20k", "oak_cards_11k", "douglas_fir_105k")
 BAKED = ROOT / "target" / "engines"
 ENGINES = ("three", "babylon")
+KTX2 = "babylon, KTX2"
+"""Babylon.js with KTX2 textures, by the README's code for them."""
+TRANSCODER = "/engines/babylon/node_modules/@babylonjs/core/assets/Basis"
 PROFILES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 SAMPLES = 4
 """Samples along a pixel's side of the leaves in the tables of distances."""
@@ -78,7 +81,7 @@ CYCLES = """## Beside Cycles
 
 A level in the engine beside the same level in Cycles with the atlas page of the .blend, from the same cameras, without
 shading, with 4 × 4 samples a pixel: FLIP within 4 pixels of the tree; limit 0.08. *Crown*: its height in pixels. Cycles
-draws the cross impostor as the last level; three.js draws the octahedral impostor in its place where a tree has one.
+draws the cross impostor as the last level; the engines draw the octahedral impostor in its place where a tree has one.
 """
 FILES = """## Files
 
@@ -134,10 +137,12 @@ def bake(tree: Path, engine: str, effects: str = "auto", *more: str) -> Path:
 
 def drawn(engine: str, file: Path, view: View, **settings: Any) -> Picture:
     """Return the pictures in an engine: linear light, premultiplied, (views, side, side, 4) in [0, 1]."""
-    asked = {**view.question, "settings": {"pixels": zoomed(view), **settings}}
-    found: Picture = np.stack([picture["pixels"] for picture in pictures(engine, file, **asked)]) / 255.0
+    name = "babylon" if engine == KTX2 else engine
+    code = code_of(name, 2).replace("/basis/", TRANSCODER) if engine == KTX2 else code_of(name)
+    asked = {**view.question, "code": code, "settings": {"pixels": zoomed(view), **settings}}
+    found: Picture = np.stack([picture["pixels"] for picture in pictures(name, file, **asked)]) / 255.0
     colors, alpha = found[..., :3], found[..., 3:]
-    if engine == "babylon":  # Its alpha is that of the texture, not premultiplied; nothing blends here.
+    if name == "babylon":  # Its alpha is that of the texture, not premultiplied; nothing blends here.
         alpha = (alpha > 0.0).astype(float)
     else:
         colors = (colors / np.maximum(alpha, 1e-6)).clip(0.0, 1.0)
@@ -183,7 +188,7 @@ def ratio(after: float, before: float) -> str:
 
 def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
     """Yield a row of the table for each hand-over of a tree in an engine."""
-    file = bake(tree, engine)
+    file = bake(tree, "babylon" if engine == KTX2 else engine)
     levels = levels_of(file)
     for number, distance in enumerate(hand_overs(levels)):
         view = View.of(distance, levels[0])
@@ -367,7 +372,7 @@ def report(trees: Sequence[Path], *, quick: bool) -> Iterator[str]:
     """Yield the sections of the document, each when it is measured."""
     names = ["tree", "engine", "levels", "pixels", "coverage", "luminance", "FLIP", "there", "2 ×", "4 ×"]
     yield INTRODUCTION
-    yield table(names, [row for tree in trees for engine in ENGINES for row in hand_over_rows(tree, engine)])
+    yield table(names, [row for tree in trees for engine in (*ENGINES, KTX2) for row in hand_over_rows(tree, engine)])
     yield CYCLES
     yield table(["tree", "level", "crown", *ENGINES], [row for tree in trees for row in cycles_rows(tree)])
     if quick:

@@ -18,7 +18,7 @@ def copies() -> dict[Path, str]:
     return {
         ENGINES / "godot" / "addons" / "leafcloud" / "leafcloud.gdshaderinc": laws,
         ENGINES / "three" / "src" / "glsl.js": _module({"LAWS": laws, "OCTAHEDRAL": octahedral}),
-        ENGINES / "babylon" / "src" / "glsl.js": _module({"LAWS": laws}),
+        ENGINES / "babylon" / "src" / "glsl.js": _module({"LAWS": laws, "OCTAHEDRAL": octahedral}),
         ENGINES / "babylon" / "src" / "laws.js": (ENGINES / "three" / "src" / "laws.js").read_text(encoding="utf-8"),
     }
 

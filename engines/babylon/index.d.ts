@@ -1,6 +1,6 @@
-import type { Camera, Scene, TransformNode, Vector3 } from "@babylonjs/core";
+import type { Camera, Matrix, Scene, TransformNode, Vector3 } from "@babylonjs/core";
 
-/** Settings of the drawing of a tree. Distances are in the tree's own units. */
+/** Settings of the drawing of a tree or of a forest. Distances are in the tree's own units. */
 export interface Settings {
   /** Level to show at all distances; null: the level for the distance. */
   level: number | null;
@@ -12,9 +12,16 @@ export interface Settings {
   fade: number;
   /** The same after a morph. */
   fadeBehindMorph: number;
+  /** Strength of the wind; 0: no motion; null: the file's. */
+  wind: number | null;
+  /** Time of the wind; null: the page's clock. */
+  seconds: number | null;
 }
 
 export const SETTINGS: Readonly<Settings>;
+
+/** Source of the laws as GLSL functions, for shaders of your own. */
+export const LAWS: string;
 
 /** A tree that shows the level for the active camera's distance before each picture of its scene. */
 export class Tree {
@@ -36,8 +43,35 @@ export class Tree {
   dispose(): void;
 }
 
-/**
- * Loads a tree from the GLB file at `url`. `ktx2`: read KTX2 textures, which needs Babylon.js's transcoder. `tree`: its number,
- * in a file of several. Rejects with an error for a file without levels.
- */
-export function loadTree(url: string, scene: Scene, options?: { ktx2?: boolean; tree?: number }): Promise<Tree>;
+/** Many copies of one tree, each with the level for its own distance, before each picture of their scene. */
+export class Forest {
+  /** `places`: of the copies, in the coordinates of `root`, scaled by the same factor in all directions. */
+  constructor(tree: Tree, places: Matrix[]);
+  /** Node to place the forest by. */
+  readonly root: TransformNode;
+  settings: Settings;
+  readonly centre: Vector3;
+  readonly radius: number;
+  /** Trees that each level drew in the last picture. */
+  readonly counts: number[];
+  /** Whether trees outside of the picture are left out. They then cast no shadows into it. */
+  culling: boolean;
+  /** Moves the trees: at most as many as the constructor got. */
+  plant(places: Matrix[]): void;
+  /** Shows each tree in the level for this camera. */
+  update(camera: Camera | null): void;
+  /** Returns a forest of the same trees. */
+  clone(): Forest;
+  /** Frees this forest. Geometry and textures of the file stay with the scene. */
+  dispose(): void;
+}
+
+export interface LoadOptions {
+  /** Address of a folder with the files of @babylonjs/core/assets/Basis, for KTX2 textures. Without it, PNG textures are drawn. */
+  ktx2?: string;
+  /** Number of the tree, in a file of several; 0 by default. */
+  tree?: number;
+}
+
+/** Loads a tree from the GLB file at `url`. Rejects with an error for a file without levels. */
+export function loadTree(url: string, scene: Scene, options?: LoadOptions): Promise<Tree>;

@@ -1,19 +1,34 @@
 // Runs code of the documentation with Babylon.js, and answers with pictures.
 //
-// The question is {code, file, side, views: [{eye, target, fov}], settings}, as in three.js beside this file. The answer has for
-// each view its `pixels`, the number of drawn `triangles` and the names of the `shown` levels.
-import { Color3, Color4, Engine, FreeCamera, HemisphericLight, Scene, Vector3 } from "@babylonjs/core";
+// The question is {code, file, side, views: [{eye, target, fov}], settings}, as in three.js beside this file. `places`:
+// rows of matrices of a forest; with `copies` in place of the code, a copy of the tree stands at each place. With `leftHanded` the
+// scene is Babylon.js's usual one: the eyes are mirrored like the files. The answer has for each view its `pixels`, the number of
+// drawn `triangles`, the names of the `shown` levels, and the `counts` of a forest.
+import { Color3, Color4, Engine, FreeCamera, HemisphericLight, Matrix, Quaternion, Scene, Vector3 } from "@babylonjs/core";
+import { loadTree } from "leafcloud-babylon";
 
-/** Runs a module's text and returns its `tree`. */
-async function treeOf(code, scene) {
-  Object.assign(globalThis, { scene });
-  const text = `${code}\nexport { tree };`;
-  return (await import(URL.createObjectURL(new Blob([text], { type: "text/javascript" })))).tree;
+/** Runs a module's text and returns its `forest`, or else its `tree`. */
+async function madeBy(code, given) {
+  Object.assign(globalThis, given);
+  const name = code.includes("const forest") ? "forest" : "tree";
+  const text = `${code}\nexport { ${name} };`;
+  return (await import(URL.createObjectURL(new Blob([text], { type: "text/javascript" }))))[name];
 }
 
-function newScene(engine) {
+async function copiesOf(url, { scene, places }) {
+  const tree = await loadTree(url, scene);
+  tree.root.setEnabled(false);
+  return places.map((place) => {
+    const copy = tree.clone();
+    copy.root.rotationQuaternion = new Quaternion();
+    place.decompose(copy.root.scaling, copy.root.rotationQuaternion, copy.root.position);
+    return copy;
+  });
+}
+
+function newScene(engine, leftHanded) {
   const scene = new Scene(engine);
-  scene.useRightHandedSystem = true;
+  scene.useRightHandedSystem = !leftHanded;
   scene.clearColor = new Color4(0, 0, 0, 0);
   // Light from all sides.
   const light = new HemisphericLight("light", Vector3.Up(), scene);
@@ -24,10 +39,11 @@ function newScene(engine) {
 }
 
 function look(camera, { eye, target, fov }) {
-  camera.position = Vector3.FromArray(eye);
-  camera.setTarget(Vector3.FromArray(target));
+  const [from, to] = [eye, target].map(([x, y, z]) => new Vector3(camera.getScene().useRightHandedSystem ? x : -x, y, z));
+  camera.position = from;
+  camera.setTarget(to);
   camera.fov = (fov * Math.PI) / 180;
-  const away = Vector3.Distance(camera.position, Vector3.FromArray(target));
+  const away = Vector3.Distance(from, to);
   Object.assign(camera, { minZ: away / 100, maxZ: 100 * away });
 }
 
@@ -37,14 +53,15 @@ function encoded(pixels) {
   return btoa(text);
 }
 
-async function answerTo({ code, file, side, views, settings = {} }) {
+async function answerTo({ code, file, side, views, settings = {}, leftHanded = false, places = [], copies = false }) {
   const canvas = document.querySelector("#canvas");
   Object.assign(canvas, { width: side, height: side });
   const engine = new Engine(canvas, false, { preserveDrawingBuffer: true, premultipliedAlpha: false, alpha: true }, false);
-  const scene = newScene(engine);
+  const scene = newScene(engine, leftHanded);
   const camera = new FreeCamera("camera", Vector3.Zero(), scene);
-  const tree = await treeOf(code.replaceAll("pine.glb", file), scene);
-  Object.assign(tree.settings, settings);
+  const given = { scene, places: places.map((rows) => Matrix.FromArray(rows).transpose()) };
+  const made = copies ? await copiesOf(file, given) : [await madeBy(code.replaceAll("pine.glb", file), given)];
+  made.forEach((each) => Object.assign(each.settings, settings));
   await scene.whenReadyAsync();
   const pictures = [];
   for (const view of views) {
@@ -59,7 +76,8 @@ async function answerTo({ code, file, side, views, settings = {} }) {
     scene.render();
     const shown = scene.meshes.filter((mesh) => mesh.isEnabled() && mesh.getTotalVertices()).map((mesh) => mesh.name);
     const pixels = await engine.readPixels(0, 0, side, side);
-    pictures.push({ pixels: encoded(new Uint8Array(pixels.buffer)), triangles: scene.getActiveIndices() / 3, shown });
+    const drawn = { triangles: scene.getActiveIndices() / 3, shown, counts: made[0].counts };
+    pictures.push({ pixels: encoded(new Uint8Array(pixels.buffer)), ...drawn });
   }
   return pictures;
 }

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import struct
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 QUAD = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
 QUAD_UVS = [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)]
@@ -26,6 +28,23 @@ def png(rows: list[list[tuple[int, int, int, int]]]) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")
 
 
+def write_glb(path: Path, document: dict[str, Any], arrays: Sequence[NDArray[Any]]) -> Path:
+    """Write a file whose accessor number i is arrays[i]: f32 (n, width), or u32 (n,)."""
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    body = b""
+    for values in arrays:
+        content = np.ascontiguousarray(values).tobytes()
+        kind = "SCALAR" if values.ndim == 1 else f"VEC{values.shape[1]}"
+        entry = {"bufferView": len(views), "componentType": 5125 if values.dtype == np.uint32 else 5126, "type": kind}
+        extremes = {"min": np.min(values, axis=0).tolist(), "max": np.max(values, axis=0).tolist()}
+        accessors.append({**entry, "count": len(values), **(extremes if kind == "VEC3" else {})})
+        views.append({"buffer": 0, "byteOffset": len(body), "byteLength": len(content)})
+        body += content
+    whole = {"asset": {"version": "2.0"}, "accessors": accessors, "bufferViews": views, **document}
+    return _write(path, whole | {"buffers": [{"byteLength": len(body)}]}, body)
+
+
 def write_quad_glb(
     path: Path,
     *,
@@ -38,7 +57,7 @@ def write_quad_glb(
     node: dict[str, Any] | None = None,
 ) -> Path:
     """Write a file with one node "leaves": a quad with a material and an embedded or separate image."""
-    attributes: dict[str, tuple[np.ndarray, str]] = {
+    attributes: dict[str, tuple[NDArray[Any], str]] = {
         "POSITION": (np.array(positions, "<f4"), "VEC3"),
         "TEXCOORD_0": (np.array(QUAD_UVS, "<f4"), "VEC2"),
     }
@@ -86,6 +105,10 @@ def write_quad_glb(
     if "KHR_texture_transform" in json.dumps(material):
         document["extensionsUsed"] = ["KHR_texture_transform"]
     document["buffers"] = [{"byteLength": len(body)}]
+    return _write(path, document, body)
+
+
+def _write(path: Path, document: dict[str, Any], body: bytes) -> Path:
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(body))

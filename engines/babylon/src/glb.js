@@ -25,6 +25,35 @@ export function joined(document, rest) {
   return bytes;
 }
 
+/** Number of components of an accessor's element. */
+const WIDTHS = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 };
+
+/** Returns the floats of an accessor, element by element. `rest`: the chunks behind the document, of which the first has the data. */
+export function floatsOf(document, rest, number) {
+  const { bufferView, byteOffset, count, type, componentType, normalized, sparse } = document.accessors[number];
+  const width = WIDTHS[type];
+  if (componentType !== 5126 || normalized || "EXT_meshopt_compression" in (document.bufferViews[bufferView]?.extensions ?? {})) {
+    throw new Error("Another tool has compressed or quantized the numbers of this file: load the file that Leafcloud wrote.");
+  }
+  const start = rest.byteOffset + 8; // Behind the header of the chunk.
+  const at = (view, offset = 0) => start + (document.bufferViews[view].byteOffset ?? 0) + offset;
+  const values = new Float32Array(count * width);
+  if (bufferView !== undefined) {
+    const stride = (document.bufferViews[bufferView].byteStride ?? 4 * width) / 4;
+    const from = new Float32Array(rest.buffer, at(bufferView, byteOffset), (count - 1) * stride + width);
+    values.forEach((_, i) => (values[i] = from[Math.floor(i / width) * stride + (i % width)]));
+  }
+  if (sparse) {
+    const { indices, values: own } = sparse;
+    const places = new INTEGERS[indices.componentType](rest.buffer, at(indices.bufferView, indices.byteOffset), sparse.count);
+    const changed = new Float32Array(rest.buffer, at(own.bufferView, own.byteOffset), sparse.count * width);
+    places.forEach((place, i) => values.set(changed.subarray(i * width, (i + 1) * width), place * width));
+  }
+  return values;
+}
+
+const INTEGERS = { 5121: Uint8Array, 5123: Uint16Array, 5125: Uint32Array };
+
 /** Returns the numbers of the nodes of each tree's levels. A file of one level has one for each tree. */
 function chainsIn({ nodes }) {
   const hasLevel = (node) => node.extras?.leafcloud?.level !== undefined;
@@ -35,7 +64,7 @@ function chainsIn({ nodes }) {
 
 /**
  * Shows all levels of tree number `tree` in the scene: Babylon.js reads MSFT_lod as steps of loading. Without `ktx2` the PNG
- * textures are read: Babylon.js waits for ever for a transcoder that it cannot reach.
+ * textures are read.
  */
 export function withLevels(document, { ktx2, tree }) {
   const chains = chainsIn(document);
@@ -43,11 +72,22 @@ export function withLevels(document, { ktx2, tree }) {
   document.scenes[document.scene ?? 0].nodes = [...nodes.filter((node) => !chains.flat().includes(node)), ...chains[tree]];
   document.nodes.forEach(({ extensions }) => delete extensions?.MSFT_lod);
   if (!ktx2) document.textures?.forEach(({ extensions }) => delete extensions?.KHR_texture_basisu);
+  document.meshes.forEach(({ primitives }) => primitives.forEach(withoutNumbers));
   return document;
 }
 
-/** Returns the levels of tree number `tree`: their nodes' names and extras, and the tables of their meshes. */
-export function levelsIn(document, tree) {
+/** Babylon.js would read some of the numbers, as texture coordinates and morph targets of its own. */
+function withoutNumbers(primitive) {
+  delete primitive.targets;
+  const isNumber = (name) => name.startsWith("TEXCOORD_") && name !== "TEXCOORD_0";
+  Object.keys(primitive.attributes).filter(isNumber).forEach((name) => delete primitive.attributes[name]);
+}
+
+/**
+ * Returns the levels of tree number `tree`: their nodes' names and extras, the tables of their meshes, the numbers of their
+ * leaves, and the images of an octahedral impostor.
+ */
+export function levelsIn(document, rest, tree) {
   const chains = chainsIn(document);
   if (chains.length === 0) throw new Error("No levels in this file: load a NAME.glb that Leafcloud wrote.");
   if (!chains[tree]) throw new Error(`The file has ${chains.length} trees, and no tree ${tree}: choose a smaller number.`);
@@ -56,7 +96,29 @@ export function levelsIn(document, tree) {
     .map(({ name, mesh, extras }) => {
       const { primitives, extras: own } = document.meshes[mesh];
       const tables = own?.leafcloud ?? {};
-      return { name, extras: extras.leafcloud, tables, primitives: primitives.length };
+      const leaves = primitives.slice(0, tables.first_trunk_primitive ?? primitives.length);
+      const numbers = leaves.map((each) => numbersOf(document, rest, tables, each));
+      return { name, extras: extras.leafcloud, tables, numbers, images: imagesOf(document, rest, primitives[0].material) };
     })
     .sort((a, b) => a.extras.level - b.extras.level);
+}
+
+/** Returns the floats of a primitive's sets of texture coordinates with numbers, and of its morph target. */
+function numbersOf(document, rest, { first_texcoord: first, prefixes }, { attributes, targets }) {
+  if (prefixes && !first) throw new Error("The file has numbers that Babylon.js drops: bake with --engine babylon.");
+  const count = document.accessors[attributes.POSITION].count;
+  const sets = Array.from({ length: 6 }, (_, i) => attributes[`TEXCOORD_${(first ?? Infinity) + i}`]);
+  const read = (number) => (number === undefined ? null : floatsOf(document, rest, number));
+  return { count, positions: read(attributes.POSITION), sets: sets.map(read), offsets: read(targets?.[0].POSITION) };
+}
+
+/** Returns the bytes of the PNG files {color, normalDepth} of an octahedral impostor; null for other materials. */
+function imagesOf(document, rest, material) {
+  const { octahedralTexture: color, octahedralNormalTexture: normalDepth } = document.materials?.[material]?.extras?.leafcloud ?? {};
+  if (!color || !normalDepth) return null;
+  const bytes = ({ index }) => {
+    const { byteOffset = 0, byteLength } = document.bufferViews[document.images[document.textures[index].source].bufferView];
+    return rest.subarray(8 + byteOffset, 8 + byteOffset + byteLength); // Behind the header of the chunk.
+  };
+  return { color: bytes(color), normalDepth: bytes(normalDepth) };
 }

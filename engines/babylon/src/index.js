@@ -1,2 +1,6 @@
-// Trees with levels of detail that do not pop, for Babylon.js. README.md has an example.
-export { loadTree, SETTINGS, Tree } from "./tree.js";
+// Trees and forests with levels of detail that do not pop, for Babylon.js. README.md has examples.
+export { Forest } from "./forest.js";
+export { LAWS } from "./glsl.js";
+export { loadTree } from "./loading.js";
+export { SETTINGS } from "./settings.js";
+export { Tree } from "./tree.js";

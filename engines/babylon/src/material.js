@@ -1,68 +1,136 @@
-// The laws in Babylon.js's own materials: a plug-in that fades pixels, grows and shrinks leaves, and keeps contrast.
+// The laws in Babylon.js's own materials: a plug-in that moves leaves and trunk, fades pixels, and keeps contrast.
 import { MaterialPluginBase } from "@babylonjs/core";
+import { ATTRIBUTES } from "./attributes.js";
 import { LAWS } from "./glsl.js";
+import { NEVER } from "./laws.js";
 
-/** Kinds of vertex data: rank and pivot; pivot on the billboard. */
-export const LEAF = "lcLeaf";
-export const TARGET = "lcPivotTarget";
+/** Uniforms of a level's shaders, with their numbers at rest. Distances are in the file's units. */
+const UNIFORMS = {
+  lcViewer: [0, 0, 0], // in the world
+  lcCentre: [0, 0, 0], // of the leaves, in the level's coordinates
+  lcUnit: [1], // the file's unit of distance in the level's coordinates, for the view
+  lcTransitionAt: [NEVER, NEVER], // start, end
+  lcFadeAt: [-2, -1, NEVER, 2 * NEVER], // appears from, to; goes from, to
+  lcKeepAt: [NEVER, 0.5], // prune start, prune half
+  lcGrowth: [0, 0],
+  lcContrast: [0, 0],
+  lcMean: [0, 0, 0], // color of the leaves
+  lcWindDirection: [1, 0, 0], // in the world
+  lcWindUp: [0, 1, 0],
+  lcWindFoot: [0, 0, 0],
+  lcWindShape: [1, 1, 0, 0], // height, spread, gusts, flutter
+  lcWindMotion: [0, 0, 0, 0], // force, turns, sway, branches
+};
+/** The table of areas of a level without pruning. */
+const EVEN_SHARES = Array.from({ length: 65 }, (_, i) => (i / 64) ** 2);
 
-const UNIFORMS = [
-  { name: "lcFade", size: 2, type: "vec2" }, // appeared, gone
-  { name: "lcNumbers", size: 4, type: "vec4" }, // transition, keep, scale, contrast
-  { name: "lcMean", size: 3, type: "vec3" },
-];
-// Morph targets are Babylon.js's own, so the point is already on its way to the billboard.
-const PLACE = `
-    positionUpdated = lc_place(positionUpdated, positionUpdated, lcLeaf.yzw, lcPivotTarget, lcNumbers.x,
-        lc_growth(lcLeaf.x, lcNumbers.y, lcNumbers.z));
+const TYPES = [null, "float", "vec2", "vec3", "vec4"];
+
+/** Returns the declarations of uniforms, for a plug-in, by their numbers. */
+export function declared(uniforms) {
+  return Object.entries(uniforms).map(([name, { length }]) => ({ name, size: length, type: TYPES[length] }));
+}
+
+const DECLARED = [...declared(UNIFORMS), { name: "lcShares", size: 1, type: "float", arraySize: EVEN_SHARES.length }];
+
+/** The tree's place in the world, and the distance by which the laws decide, also for each instance. */
+export const DISTANCE = `
+flat varying float lcDistanceSeen;
+
+mat4 lcTreePlace() {
+#ifdef INSTANCES
+    mat4 place = mat4(world0, world1, world2, world3);
+#ifdef THIN_INSTANCES
+    place = world * place;
+#endif
+    return place;
+#else
+    return world;
+#endif
+}
+
+float lcDistance(mat4 place) {
+    return distance(lcViewer, (place * vec4(lcCentre, 1.0)).xyz) / (length(place[0].xyz) * lcUnit);
+}
+
+LcWind lcWindAt(mat4 place) {
+    vec3 direction = normalize(inverse(mat3(place)) * lcWindDirection);
+    float turns = lcWindMotion.y + dot(LC_PLACE_TURNS, place[3].xyz);
+    return LcWind(direction, lcWindUp, lcWindFoot, lcWindShape.x, lcWindShape.y, lcWindMotion.x, lcWindShape.z, turns,
+        lcWindMotion.z, lcWindMotion.w, lcWindShape.w);
+}
 `;
-const FADE = `
-    if (!lc_shown(lcFade.x, gl_FragCoord.xy) || lc_shown(lcFade.y, gl_FragCoord.xy)) discard;
+const LEAVES = `
+#ifdef LEAFCLOUD_LEAVES
+${Object.entries(ATTRIBUTES).map(([name, width]) => `attribute vec${width} ${name};`).join("\n")}
+
+vec3 lcMoved(vec3 point, mat4 place) {
+    float seen = lcDistance(place);
+    float transition = lc_transition(seen, lcTransitionAt.x, lcTransitionAt.y);
+    float keep = lc_keep(seen, lcKeepAt.x, lcKeepAt.y);
+    float scale = lc_area_scale(keep, lcShares) * lc_trend(keep, lcGrowth);
+    float growth = lc_growth(lcLeaf.x, keep, scale);
+    vec3 placed = lc_place(point, lcTarget, lcLeaf.yzw, lcOnBillboard.xyz, transition, growth);
+#ifdef LEAFCLOUD_WIND
+    LcWind wind = lcWindAt(place);
+    vec3 pivot = mix(lcLeaf.yzw, lcOnBillboard.xyz, transition);
+    vec3 turned = lc_flutter(placed, pivot, lcOnBillboard.w, lcBillboard.w, transition, wind);
+    return lc_blown(turned, lcLeaf.yzw, lcBillboard.xyz, transition, wind);
+#else
+    return placed;
+#endif
+}
+#else
+vec3 lcMoved(vec3 point, mat4 place) {
+#ifdef LEAFCLOUD_WIND
+    return lc_blown(point, point, point, 0.0, lcWindAt(place));
+#else
+    return point;
+#endif
+}
+#endif
+`;
+const MOVE = `
+    mat4 lcPlace = lcTreePlace();
+    lcDistanceSeen = lcDistance(lcPlace);
+    positionUpdated = lcMoved(positionUpdated, lcPlace);
+`;
+export const FADE = `
+    if (!lc_shown(lc_transition(lcDistanceSeen, lcFadeAt.x, lcFadeAt.y), gl_FragCoord.xy)
+        || lc_shown(lc_transition(lcDistanceSeen, lcFadeAt.z, lcFadeAt.w), gl_FragCoord.xy)) discard;
 `;
 const CONTRAST = `
-    surfaceAlbedo = lc_toward_mean(surfaceAlbedo, lcMean, lcNumbers.w);
+#ifdef LEAFCLOUD_LEAVES
+    float lcKept = lc_keep(lcDistanceSeen, lcKeepAt.x, lcKeepAt.y);
+    surfaceAlbedo = lc_toward_mean(surfaceAlbedo, lcMean, lc_contrast(lcKept, lcContrast));
+#endif
 `;
-
-/** Code for both kinds of meshes: the constructor of a plug-in asks for it before it knows the kind. */
+/** Code for all meshes: the constructor of a plug-in asks for it before it knows the kind. */
 const CODE = {
-  vertex: {
-    CUSTOM_VERTEX_DEFINITIONS: `
-#ifdef LEAFCLOUD_LEAVES
-attribute vec4 ${LEAF};
-attribute vec3 ${TARGET};
-${LAWS}
-#endif
-`,
-    CUSTOM_VERTEX_UPDATE_POSITION: `
-#ifdef LEAFCLOUD_LEAVES
-${PLACE}
-#endif
-`,
-  },
+  vertex: { CUSTOM_VERTEX_DEFINITIONS: LAWS + DISTANCE + LEAVES, CUSTOM_VERTEX_UPDATE_POSITION: MOVE },
   fragment: {
-    CUSTOM_FRAGMENT_DEFINITIONS: LAWS,
+    CUSTOM_FRAGMENT_DEFINITIONS: `${LAWS}flat varying float lcDistanceSeen;\n`,
     CUSTOM_FRAGMENT_MAIN_BEGIN: FADE,
-    CUSTOM_FRAGMENT_UPDATE_ALBEDO: `
-#ifdef LEAFCLOUD_LEAVES
-${CONTRAST}
-#endif
-`,
+    CUSTOM_FRAGMENT_UPDATE_ALBEDO: CONTRAST,
   },
 };
 
-export class LevelPlugin extends MaterialPluginBase {
-  /** Shares of pixels: this level has appeared, the next has. */
-  fade = [1, 0];
-  /** a, λ, s·γ and κ of the laws. */
-  numbers = [0, 1, 1, 1];
-  /** Mean color of the leaves. */
-  mean = [0, 0, 0];
-  #leaves;
+/** Returns the numbers of a level's shaders, at rest. All materials of the level read them. */
+export function newNumbers() {
+  return { ...UNIFORMS, lcShares: EVEN_SHARES };
+}
 
-  /** `leaves`: whether the mesh has the vertex data of leaves. */
-  constructor(material, leaves) {
-    super(material, "Leafcloud", 200, { LEAFCLOUD_LEAVES: false }, true, true);
+export class LevelPlugin extends MaterialPluginBase {
+  #numbers;
+  #leaves;
+  #wind;
+
+  /** `numbers`: of the level's shaders. `leaves`: whether the mesh has the attributes of leaves. `wind`: whether the tree has wind. */
+  constructor(material, { numbers, leaves, wind }) {
+    super(material, "Leafcloud", 200, { LEAFCLOUD_LEAVES: false, LEAFCLOUD_WIND: false }, true, true);
+    this.#numbers = numbers;
     this.#leaves = leaves;
+    this.#wind = wind;
   }
 
   isCompatible(language) {
@@ -75,21 +143,30 @@ export class LevelPlugin extends MaterialPluginBase {
 
   prepareDefines(defines) {
     defines.LEAFCLOUD_LEAVES = this.#leaves;
+    defines.LEAFCLOUD_WIND = this.#wind;
   }
 
   getAttributes(attributes) {
-    if (this.#leaves) attributes.push(LEAF, TARGET);
+    if (this.#leaves) attributes.push(...Object.keys(ATTRIBUTES));
+  }
+
+  /** Uniforms of the shaders. */
+  get declared() {
+    return DECLARED;
   }
 
   getUniforms() {
-    const declared = UNIFORMS.map(({ name, type }) => `uniform ${type} ${name};`).join("\n");
-    return { ubo: UNIFORMS, vertex: declared, fragment: declared };
+    const line = ({ name, type, arraySize }) => `uniform ${type} ${name}${arraySize ? `[${arraySize}]` : ""};`;
+    const text = this.declared.map(line).join("\n");
+    return { ubo: this.declared, vertex: text, fragment: text };
   }
 
   bindForSubMesh(buffer) {
-    buffer.updateFloat2("lcFade", ...this.fade);
-    buffer.updateFloat4("lcNumbers", ...this.numbers);
-    buffer.updateFloat3("lcMean", ...this.mean);
+    for (const { name, size, arraySize } of this.declared) {
+      const numbers = this.#numbers[name];
+      if (arraySize) buffer.updateFloatArray(name, numbers);
+      else buffer[`updateFloat${size > 1 ? size : ""}`](name, ...numbers);
+    }
   }
 
   getCustomCode(kind) {

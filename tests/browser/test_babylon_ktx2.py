@@ -1,0 +1,96 @@
+"""KTX2 textures in the package for Babylon.js: hand-overs keep the coverage, and without a transcoder PNG is drawn."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import QUICK, bake
+from engine_views import bundle, code_of, hand_overs, levels_of, pictures, sphere_of
+
+TRANSCODER = "/engines/babylon/node_modules/@babylonjs/core/assets/Basis"
+DIRECTIONS = [
+    (math.cos(2.4 * i) * math.sqrt(1.0 - up * up), up, math.sin(2.4 * i) * math.sqrt(1.0 - up * up))
+    for i, up in enumerate(np.linspace(0.0, 0.8, 16).tolist())
+]
+
+
+@pytest.fixture(scope="module")
+def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("babylon_ktx2")
+    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions")
+    bundle(out)
+    return out / "shrub.glb"
+
+
+def code_with(transcoder: str | None) -> str:
+    """Return the README's code with KTX2 textures, by the transcoder in a folder; None: with PNG textures."""
+    return code_of("babylon") if transcoder is None else code_of("babylon", 2).replace("/basis/", transcoder)
+
+
+def drawn(tree: Path, transcoder: str | None, level: int, distance: float) -> list[dict[str, Any]]:
+    centre, _ = sphere_of(levels_of(tree)[0])
+    # Distances of files are for 1080 rows; the picture has 256.
+    eyes = [centre + distance * 256.0 / 1080.0 * np.array(direction) for direction in DIRECTIONS]
+    views = [{"eye": eye.tolist(), "target": centre.tolist(), "fov": 50.0} for eye in eyes]
+    return pictures("babylon", tree, code=code_with(transcoder), views=views, settings={"level": level})
+
+
+def coverage(found: list[dict[str, Any]]) -> int:
+    return sum(int((picture["pixels"][..., 3] > 0).sum()) for picture in found)
+
+
+def test_hand_overs_keep_the_coverage_better_than_with_png(tree: Path) -> None:
+    errors = {}
+    for transcoder in (None, TRANSCODER):
+        changes = []
+        for number, distance in enumerate(hand_overs(levels_of(tree))):
+            before, after = (coverage(drawn(tree, transcoder, level, distance)) for level in (number, number + 1))
+            assert before > 300
+            changes.append(abs(math.log(after / before)))
+        errors[transcoder] = changes
+    assert sum(errors[TRANSCODER]) < 0.7 * sum(errors[None])
+    assert max(errors[TRANSCODER]) < 0.08
+
+
+def test_colors_are_those_of_the_png(tree: Path) -> None:
+    """Mean colors, because each texture keeps the coverage in its own way."""
+    _, radius = sphere_of(levels_of(tree)[0])
+    means = []
+    for transcoder in (None, TRANSCODER):
+        [picture, *_] = drawn(tree, transcoder, 1, 4.0 * radius * 1080.0 / 256.0)
+        covered = picture["pixels"][..., 3] > 0
+        assert covered.sum() > 2000
+        means.append(picture["pixels"][covered].mean(axis=0))
+    assert np.abs(means[0] - means[1]).max() < 3.0
+
+
+@contextmanager
+def silent_server() -> Iterator[str]:
+    """Yield the address of a server that accepts connections and never answers."""
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen()
+        yield f"http://127.0.0.1:{server.getsockname()[1]}/"
+
+
+def same_as_png(tree: Path, transcoder: str) -> bool:
+    distance = hand_overs(levels_of(tree))[0]
+    pairs = zip(drawn(tree, transcoder, 1, distance), drawn(tree, None, 1, distance), strict=True)
+    return all(np.array_equal(one["pixels"], other["pixels"]) for one, other in pairs)
+
+
+def test_without_a_transcoder_the_png_textures_are_drawn(tree: Path) -> None:
+    assert not same_as_png(tree, TRANSCODER)
+    assert same_as_png(tree, "/nowhere/")
+    (tree.parent / "basis_transcoder.js").write_text("this is no script")
+    (tree.parent / "basis_transcoder.wasm").write_bytes(b"nor a program")
+    assert same_as_png(tree, "/files/")
+    with silent_server() as address:
+        assert same_as_png(tree, address)
