@@ -39,10 +39,12 @@ def bundle(folder: Path) -> None:
     )
 
 
-def pictures(engine: str, file: Path, **question: Any) -> list[dict[str, Any]]:
-    """Return the page's answer for each view, with `pixels` as (side, side, 4) in [0, 255], the top row first."""
+def pictures(engine: str, file: Path, page: str | None = None, **question: Any) -> list[dict[str, Any]]:
+    """Return the answer of tests/browser/`page`.html for each view, with `pixels` as (side, side, 4) in [0, 255], the top
+    row first. The engine's own page has its name.
+    """
     asked = {"file": f"/files/{file.name}", "side": 256, "code": code_of(engine), **question}
-    answer = ask(f"tests/browser/{engine}.html", asked, patience=200.0, files=file.parent)
+    answer = ask(f"tests/browser/{page or engine}.html", asked, patience=200.0, files=file.parent)
     side = asked["side"]
     for picture in answer["pictures"]:
         pixels = np.frombuffer(base64.b64decode(picture["pixels"]), np.uint8)

@@ -47,7 +47,7 @@ const COLOR = `
 `;
 const NORMAL = "normal = normalize(lcNormalToView * lcNormal);";
 /** Alpha below which nothing is drawn. */
-const LEAST_ALPHA = 0.02;
+export const LEAST_ALPHA = 0.02;
 
 /** Returns a Map from the cross impostor's material to the textures {color, normalDepth} of the octahedral impostor. */
 export async function pagesOf(gltf) {

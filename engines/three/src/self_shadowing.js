@@ -2,7 +2,8 @@
 //
 // A file baked with self-shadowing has bent-normal occlusion in its materials' extras, and occlusion in the red
 // channel of the roughness texture. three.js itself applies the occlusion to sky light.
-import { ShaderChunk } from "three";
+// All of three.js, because three/webgpu, which some pages call "three", has no ShaderChunk.
+import * as THREE from "three";
 import { after, before, replaced } from "./patching.js";
 
 /** Returns a Map from material to its bent-normal occlusion texture, for the materials that have one. */
@@ -48,7 +49,7 @@ export function shadeItself(shader, texture) {
     lcAcross = vec4((modelViewMatrix * lcAlong).xyz, lcTangent.w);
   `;
   shader.vertexShader = before("void main()", VERTEX, after("#include <project_vertex>", across, shader.vertexShader));
-  const lights = ShaderChunk.lights_fragment_begin.replaceAll(LIGHTS, `$& ${REACHED}`);
+  const lights = THREE.ShaderChunk.lights_fragment_begin.replaceAll(LIGHTS, `$& ${REACHED}`);
   const lit = replaced(shader.fragmentShader, "#include <lights_fragment_begin>", PLACE + lights);
   shader.fragmentShader = before("void main()", FRAGMENT, lit);
 }

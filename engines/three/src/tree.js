@@ -3,6 +3,7 @@ import * as THREE from "three";
 import { keepAt, transitionAt, viewFactor } from "./laws.js";
 import { chainsIn, Level, objectsOf, sourcesOf } from "./levels.js";
 import { loadFile } from "./loading.js";
+import * as shaders from "./materials.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 
 /** A tree that shows the level for the camera's distance. Copies (`clone`) share geometry and textures. */
@@ -22,10 +23,11 @@ export class Tree extends THREE.Group {
   static async load(url, { renderer, tree = 0, ...more } = {}) {
     const gltf = await loadFile(url, renderer, more);
     const trees = chainsIn(gltf.parser.json).length;
-    return new Tree({ scene: gltf.scene, levels: await sourcesOf(gltf, tree), renderer, trees });
+    const looks = renderer?.isWebGPURenderer ? await import("./nodes/materials.js") : shaders;
+    return new Tree({ scene: gltf.scene, levels: await sourcesOf(gltf, tree), renderer, trees, looks });
   }
 
-  /** `source`: {scene, levels, renderer, trees} of a loaded file. */
+  /** `source`: {scene, levels, renderer, trees, looks} of a loaded file. */
   constructor(source) {
     super();
     this.#source = source;
@@ -34,7 +36,7 @@ export class Tree extends THREE.Group {
     const copies = objectsOf(scene);
     this.add(scene);
     this.settings = { ...SETTINGS };
-    this.levels = source.levels.map((each) => new Level(each, copies[places.indexOf(each.object)]));
+    this.levels = source.levels.map((each) => new Level(each, copies[places.indexOf(each.object)], source.looks));
     this.level = 0;
     /** Distance of the camera from the center of the leaves, in the tree's own units. */
     this.distance = 0;
