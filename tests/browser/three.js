@@ -1,12 +1,12 @@
 // Runs code of the documentation with three.js, and answers with pictures.
 //
-// The question is {code, file, renderer, side, views: [{eye, target, fov}], seconds, places, copies, settings, sun}. `renderer`:
-// "webgl" (the default) for WebGLRenderer, "webgl2" or "webgpu" for that backend of WebGPURenderer. `code`: a module's text that
-// uses `renderer`, `scene`, `camera` and `places`, and loads "pine.glb", for which `file` is read. Each of `views` gives a
-// picture of `side` × `side` bytes RGBA, lowest row first, the number of drawn triangles and the milliseconds of the second drawing. `places`: rows of matrices of a
-// forest. With `copies` in place of the code, a copy of the tree stands at each place. `sun`: the position of a light that
-// casts shadows, beside a dim one from everywhere. Without views the answer is {lacking}: why the renderer cannot run here,
-// or null.
+// The question is {code, file, renderer, side, views, seconds, places, copies, settings, sun}. `code`: a module's text that uses
+// `renderer`, `scene`, `camera` and `places`, and loads "pine.glb", for which `file` is read. `renderer`: "webgl" (the default)
+// for WebGLRenderer, "webgl2" or "webgpu" for that backend of WebGPURenderer. Each of the `views` {eye, target, fov, settings,
+// seconds} gives a picture of `side` × `side` bytes RGBA, lowest row first, the number of drawn triangles and the milliseconds
+// of the second drawing; its own settings and seconds replace the common ones. `places`: rows of matrices of a forest. With
+// `copies` in place of the code, a copy of the tree stands at each place. `sun`: the position of a light that casts shadows,
+// beside a dim one from everywhere. Without views the answer is {lacking}: why the renderer cannot run here, or null.
 import * as THREE from "three";
 import { Tree } from "leafcloud-three";
 
@@ -115,21 +115,22 @@ async function answerTo(question) {
   const camera = new THREE.PerspectiveCamera(50, 1);
   const given = { THREE, renderer, scene, camera, places: places.map((rows) => new THREE.Matrix4().set(...rows)) };
   const loop = copies ? await copiesOf(file, given) : await loopOf(code.replaceAll("pine.glb", file), given);
-  scene.children.forEach((object) => object.settings && Object.assign(object.settings, settings));
   if (sun) castShadows(renderer, scene);
   const pictures = [];
-  for (const { eye, target, fov } of views) {
+  for (const { eye, target, fov, ...own } of views) {
+    const now = 1000 * (own.seconds ?? seconds);
+    scene.children.forEach((object) => object.settings && Object.assign(object.settings, settings, own.settings));
     camera.position.fromArray(eye);
     camera.lookAt(...target);
     const away = camera.position.distanceTo(new THREE.Vector3(...target));
     Object.assign(camera, { fov, near: away / 100, far: 100 * away });
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
-    loop(1000 * seconds);
+    loop(now);
     await pixelsOf(renderer, 1);
     renderer.info.reset();
     const begin = performance.now();
-    loop(1000 * seconds);
+    loop(now);
     const { triangles, calls, drawCalls = calls } = renderer.info.render;
     await pixelsOf(renderer, 1); // Waits until the picture is done.
     const milliseconds = performance.now() - begin;

@@ -15,7 +15,8 @@ export class Tree extends THREE.Group {
   /**
    * Loads a tree from the GLB file at `url`. It is at rest until the first update.
    *
-   * renderer: draws the tree. With it the file's KTX2 textures are read, else its PNG textures.
+   * renderer: draws the tree; a WebGPURenderer gets node materials. With it the file's KTX2 textures are read, else its PNG
+   *   textures.
    * tree: number of the tree, in a file of several.
    * transcoder: address of the folder of three.js's transcoder for KTX2, if an import map does not tell it.
    * manager, onProgress: those of three.js's loaders.
@@ -23,6 +24,7 @@ export class Tree extends THREE.Group {
   static async load(url, { renderer, tree = 0, ...more } = {}) {
     const gltf = await loadFile(url, renderer, more);
     const trees = chainsIn(gltf.parser.json).length;
+    // A dynamic import, so that pages with WebGLRenderer do not load three/webgpu.
     const looks = renderer?.isWebGPURenderer ? await import("./nodes/materials.js") : shaders;
     return new Tree({ scene: gltf.scene, levels: await sourcesOf(gltf, tree), renderer, trees, looks });
   }

@@ -85,9 +85,13 @@ export function copied(type, copy, single) {
   return Fn((builder) => (isCopied(builder) ? copy() : single()), type)();
 }
 
-/** Returns `point` of the level, moved by its copy's matrix, for a material's positionNode. Turns the normals, too. */
-export function placed(point) {
+/**
+ * Returns a material's positionNode: the point that `pointOf` returns, in the level's coordinates, moved by its copy's matrix.
+ * Turns the normals, too.
+ */
+export function placed(pointOf) {
   return Fn((builder) => {
+    const point = pointOf();
     if (!isCopied(builder)) return point;
     if (builder.hasGeometryAttribute("normal")) normalLocal.assign(transformNormal(normalLocal, columns));
     if (builder.hasGeometryAttribute("tangent")) tangentLocal.assign(mat3(columns).mul(tangentLocal));

@@ -37,20 +37,22 @@ const wind = {
   ),
 };
 
-function newLeaf() {
-  const scale = areaScale(keep, shares).mul(trendOf(keep, growth));
-  return placeOf(positionGeometry, target, pivot, pivotTarget, transition, growthOf(leaf.x, keep, scale));
+// Variables keep shaders short: each branch of a `select` otherwise has code of its own for all that only the branch needs.
+function leafAt(a) {
+  const kept = keep.toVar();
+  const scale = areaScale(kept, shares).mul(trendOf(kept, growth));
+  return placeOf(positionGeometry, target, pivot, pivotTarget, a, growthOf(leaf.x, kept, scale).toVar()).toVar();
 }
 
-function newBlownLeaf() {
-  const turned = flutterOf(newLeaf(), mix(pivot, pivotTarget, transition), leaf.y, leaf.z, transition, wind);
-  return blownOf(turned, pivot, billboardPivot, transition, wind);
+function blownLeafAt(a) {
+  const turned = flutterOf(leafAt(a), mix(pivot, pivotTarget, a).toVar(), leaf.y, leaf.z, a, wind).toVar();
+  return blownOf(turned, pivot, billboardPivot, a, wind);
 }
 
-/** Positions of a material's vertices, by `leaves` and `wind`: one node for all materials, so that they share shaders. */
+/** Positions of vertices: one node for all materials, so that they share shaders. */
 const POSITIONS = {
-  leaves: { still: placed(newLeaf()), blown: placed(newBlownLeaf()) },
-  trunk: { still: placed(positionGeometry), blown: placed(blownAlone(positionGeometry, wind)) },
+  leaves: { still: placed(() => leafAt(transition.toVar())), blown: placed(() => blownLeafAt(transition.toVar())) },
+  trunk: { still: placed(() => positionGeometry), blown: placed(() => blownAlone(positionGeometry, wind)) },
 };
 
 /** Returns a class of materials that includes the laws; `Base` is one of three.js's. */

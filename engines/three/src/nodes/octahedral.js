@@ -161,5 +161,5 @@ export function impostorNodes({ numbers, ...pages }) {
     normalSeen.assign(normal);
     return vec4(shown.rgb.mul(mix(float(1), light, shadows)), shown.a);
   })();
-  return { positionNode: placed(fromLayout.mul(vec4(point, 1)).xyz), colorNode, normalNode: normalize(axes.mul(normalSeen)) };
+  return { positionNode: placed(() => fromLayout.mul(vec4(point, 1)).xyz), colorNode, normalNode: normalize(axes.mul(normalSeen)) };
 }
