@@ -32,7 +32,7 @@ help: ## list the targets
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/\1\t\2/p' Makefile | expand -t 18
 
 .PHONY: setup
-setup: .venv/.wheel ## make .venv: Python 3.11 with Blender 4.5 LTS as a module and the release build of the wheel
+setup: .venv/.wheel .venv/.batch ## make .venv: Python 3.11 with Blender 4.5 LTS as a module and the release build of the wheel
 
 .PHONY: bake
 bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.04 …'
@@ -257,6 +257,10 @@ endef
 $(eval $(call environment,.venv,4.5))
 $(eval $(call environment,.venv-4.2,4.2))
 $(eval $(call environment,.venv-5.0,5.0))
+
+.venv/.batch: tools/requirements/batch.txt .venv/.blender
+	@tools/environment.sh .venv $<
+	@touch $@
 
 .venv/.build: tools/requirements/build.txt .venv/.blender
 	@tools/environment.sh .venv $<

@@ -16,6 +16,7 @@ Writes docs/bench/engines.md for all trees. `--quick` leaves out the files and t
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import subprocess
@@ -121,11 +122,11 @@ class View:
 
 
 @cache
-def bake(tree: Path, engine: str, effects: str = "auto") -> Path:
-    """Return the whole chain of a bake for an engine."""
-    out = BAKED / f"{tree.stem}_{engine}_{effects}"
+def bake(tree: Path, engine: str, effects: str = "auto", *more: str) -> Path:
+    """Return the whole chain of a bake for an engine. `more`: flags."""
+    out = BAKED / "_".join([tree.stem, engine, effects, *more])
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--engine", engine]
-    subprocess.run([*command, "--effects", effects], check=True, capture_output=True)
+    subprocess.run([*command, "--effects", effects, *more], check=True, capture_output=True)
     if engine == "babylon":
         bundle(out)
     return out / f"{tree.stem}.glb"
@@ -308,14 +309,14 @@ def reduced(pictures_of: Picture) -> Picture:
 
 def file_rows(tree: Path) -> Iterator[list[str]]:
     """Yield for each profile the bytes of its files and what the validator says."""
-    for engine in PROFILES:
+    for engine, compressed in itertools.chain(((each, ()) for each in PROFILES), (("three", ("--compress",)),)):
         for effects in ("auto", "all"):
-            folder = bake(tree, engine, effects).parent
+            folder = bake(tree, engine, effects, *compressed).parent
             files = sorted(folder.glob("*.glb"))
             levels = [file for file in files if "_LOD" in file.name]
             sizes = [file.stat().st_size / 1e3 for file in (*levels, folder / f"{tree.stem}.glb")]
             yield [
-                *(tree.stem, engine, effects, f"{tree.stat().st_size / 1e3:,.0f}"),
+                *(tree.stem, " ".join([engine, *compressed]), effects, f"{tree.stat().st_size / 1e3:,.0f}"),
                 ", ".join(f"{size:,.0f}" for size in sizes[:-1]),
                 f"{sizes[-1]:,.0f}",
                 str(issues(files)),

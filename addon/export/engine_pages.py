@@ -21,9 +21,9 @@ from ..levels.material import CUTOFF_NODE, PAGE_NODE, atlas_image
 
 @dataclass(frozen=True)
 class EnginePage:
-    """The base color of a level with its sides halved `halvings` times, because engines draw the level only small.
+    """The page of a level with its sides halved `halvings` times, because engines draw the level only small.
 
-    Other channels and KTX2 stay whole.
+    KTX2 stays whole.
     """
 
     level: leafcloud.Level
@@ -34,6 +34,9 @@ class EnginePage:
 
     def alpha_cutoff(self) -> float:
         return self.level.for_engines(self.halvings)[1]
+
+    def channel(self, name: str) -> NDArray[np.uint8]:
+        return self.level.halved(name, self.halvings)
 
     def ktx2(self, channel: str) -> bytes:
         return self.level.ktx2(channel, self.halvings)

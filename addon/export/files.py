@@ -30,9 +30,11 @@ from ..plan.pages import KTX2_ENGINES, halvings
 from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
+from .compression import compress
 from .engine_pages import EnginePage, engine_pages
 from .glb_file import Edit
 from .gpu_load import GpuLoad
+from .halved_channels import HalvedChannels
 from .joined_trunks import join_trunks
 from .lod_extension import LodChain, add_lods, screen_coverages
 from .pictures import film_name, write_pictures
@@ -56,7 +58,8 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         seconds: list[float] = []
         with ExitStack() as changes:
             load = GpuLoad()
-            edits = [*_edits(trees), join_trunks, load.read]
+            last = [compress] if trees[0].prepared.settings.compress else []
+            edits = [*_edits(trees), join_trunks, *last, load.read]
             for tree in trees:
                 changes.enter_context(without_root(tree.collection))
                 changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))
@@ -74,7 +77,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 changes.enter_context(left_out(tree.collection, shadow))
             if shadows:
                 stem = f"{name}_shadow"
-                gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem)
+                gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem, last)
             progress(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
             chains = [_lod_chain(tree) for tree in trees]
@@ -114,12 +117,14 @@ def _edits(trees: Sequence[Baked]) -> list[Edit]:
     first = trees[0]
     engine = first.prepared.settings.engine
     clouds = _levels_by_material(trees)
-    taken = {name: page for name, page in _engine_pages(trees).items() if ktx2.is_taken(page)}
+    pages = _engine_pages(trees)
+    taken = {name: page for name, page in pages.items() if ktx2.is_taken(page)}
     textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
+    of_pages = [HalvedChannels(pages).add_to, textures.add_to]
     if not is_on(first.effects, "blend_order"):
-        return [VertexData(engine).add_to, textures.add_to]
+        return [VertexData(engine).add_to, *of_pages]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
-    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, textures.add_to]
+    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, *of_pages]
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from ..errors import ExportError
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 FLOAT, ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 5126, 34962, 34963
-_TYPES = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, FLOAT: np.float32}
+_TYPES = {5120: np.int8, 5121: np.uint8, 5123: np.uint16, 5125: np.uint32, FLOAT: np.float32}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
@@ -88,6 +88,13 @@ class Glb:
         start, count = view.get("byteOffset", 0) + accessor.get("byteOffset", 0), accessor["count"] * width
         return np.frombuffer(bytes(self.binary[start : start + count * kind.itemsize]), kind).reshape(-1, width)
 
+    def bytes_of(self, number: int) -> int:
+        """Return the bytes of an accessor on a graphics card: with the gaps between its elements, decompressed."""
+        accessor = self.document["accessors"][number]
+        width, kind = _WIDTHS[accessor["type"]], np.dtype(_TYPES[accessor["componentType"]])
+        stride = self.document["bufferViews"][accessor["bufferView"]].get("byteStride", width * kind.itemsize)
+        return int(accessor["count"] * stride)
+
     def append_accessor(self, values: NDArray[Any]) -> int:
         """Append a vertex attribute with `values` (v, width) in single precision. Return the index of its accessor."""
         data = np.ascontiguousarray(values, np.float32)
@@ -128,9 +135,10 @@ class Glb:
         renumbered = {number: place for place, number in enumerate(numbers)}
         for values, name in uses:
             values[name] = renumbered[values[name]]
-        self._remove_unused_views()
+        self.remove_unused_views()
 
-    def _remove_unused_views(self) -> None:
+    def remove_unused_views(self) -> None:
+        """Remove the buffer views that no accessor or image uses."""
         kinds = ("accessors", "images")
         users = [user for kind in kinds for user in self.document.get(kind, []) if "bufferView" in user]
         views, binary = self.document["bufferViews"], bytes(self.binary)

@@ -39,8 +39,10 @@ class GpuLoad:
             if "mesh" in node:
                 primitives = document["meshes"][node["mesh"]]["primitives"]
                 used = {values[key] for each in primitives for values, key in accessor_uses(each)}
-                self.geometry[node["name"]] = sum(glb.values(accessor).nbytes for accessor in used)
-                self.triangles[node["name"]] = sum(len(glb.values(each["indices"])) for each in primitives) // 3
+                self.geometry[node["name"]] = sum(map(glb.bytes_of, used))
+                self.triangles[node["name"]] = (
+                    sum(document["accessors"][each["indices"]]["count"] for each in primitives) // 3
+                )
                 materials = {each["material"] for each in primitives if "material" in each}
                 found = {index for each in materials for index in _textures(document["materials"][each])}
                 self.textures[node["name"]] = dict(_of_texture(glb, index) for index in found)

@@ -6,14 +6,13 @@ levels. Only the first of these keep the coverage.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from ..plan.pages import KTX2_EXTENSION
+from .channel_textures import CHANNEL_TEXTURES
 from .engine_pages import EnginePage
 from .glb_file import Glb
-from .translucency import DIFFUSE_TRANSMISSION
 
 
 def is_taken(page: EnginePage) -> bool:
@@ -42,7 +41,7 @@ class Ktx2Textures:
         done: dict[int, int] = {}
         """The KTX2 image for each PNG. Several textures may use one image."""
         for material in named:
-            for channel, find in _TEXTURES.items():
+            for channel, find in CHANNEL_TEXTURES.items():
                 number = find(material)
                 if number is None:
                     continue
@@ -54,25 +53,3 @@ class Ktx2Textures:
                 texture.setdefault("extensions", {})[KTX2_EXTENSION] = {"source": done[texture["source"]]}
         if done:
             glb.use_extension(KTX2_EXTENSION)
-
-
-def _in_surface(name: str) -> Callable[[dict[str, Any]], int | None]:
-    return lambda material: _index(material.get("pbrMetallicRoughness", {}).get(name))
-
-
-def _index(texture: dict[str, Any] | None) -> int | None:
-    return None if texture is None else texture["index"]
-
-
-_TEXTURES: dict[str, Callable[[dict[str, Any]], int | None]] = {
-    "base_color": _in_surface("baseColorTexture"),
-    "orm": _in_surface("metallicRoughnessTexture"),
-    "normal": lambda material: _index(material.get("normalTexture")),
-    "translucency": lambda material: _index(
-        material.get("extensions", {}).get(DIFFUSE_TRANSMISSION, {}).get("diffuseTransmissionColorTexture"),
-    ),
-    "bent_normal": lambda material: _index(
-        material.get("extras", {}).get("leafcloud", {}).get("bentNormalTexture"),
-    ),
-}
-"""Functions that return the index of a channel's texture in a glTF material, or None."""

@@ -7,12 +7,22 @@ does not support the extension. An engine without support reflects the whole bas
 
 from __future__ import annotations
 
+from typing import Any
+
 import bpy
 
 from ..levels.material import SHARE_NODE, TRANSLUCENCY_NODE
 from .glb_file import Glb
 
 DIFFUSE_TRANSMISSION = "KHR_materials_diffuse_transmission"
+
+
+_SHARE_TEXTURE = "diffuseTransmissionTexture"
+
+
+def has_opaque_parts(material: dict[str, Any]) -> bool:
+    """Return whether some parts of a glTF material's page transmit no light."""
+    return _SHARE_TEXTURE in material.get("extensions", {}).get(DIFFUSE_TRANSMISSION, {})
 
 
 def add_translucency(glb: Glb, collection: bpy.types.Collection) -> None:
@@ -37,5 +47,5 @@ def add_translucency(glb: Glb, collection: bpy.types.Collection) -> None:
             # A second texture, because KTX2 may replace the first one and has no alpha here.
             textures = glb.document["textures"]
             textures.append(dict(textures[number]))
-            extension["diffuseTransmissionTexture"] = {"index": number + 1}
+            extension[_SHARE_TEXTURE] = {"index": number + 1}
         glb.use_extension(DIFFUSE_TRANSMISSION)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 import leafcloud
 
-from .choices import CHAINS, ENGINES, FORMS, LASTS, VIEWERS, Form, Last
+from .choices import CHAINS, COMPRESSED_ENGINES, ENGINES, FORMS, LASTS, VIEWERS, Form, Last
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
 from .setting import Limits, NamedSetting, Setting
 
@@ -369,6 +369,13 @@ class BakeSettings:
             choices=dict.fromkeys(ENGINES, ""),
         ),
     ] = "generic"
+    compress: Annotated[
+        bool,
+        Setting(
+            "Round and compress the meshes in the files (EXT_meshopt_compression). Only engines that read this "
+            f"extension open them: {', '.join(COMPRESSED_ENGINES)} with its decoder. Blender does not"
+        ),
+    ] = False
     effects: Annotated[
         str,
         Setting(
@@ -395,6 +402,7 @@ class BakeSettings:
         for each in described():
             self._require(each.name, each.setting.allows(getattr(self, each.name)), each.setting.limit)
         self._check_fit()
+        self._check_engine()
         self._check_effects()
         self._check_wishes()
 
@@ -443,6 +451,13 @@ class BakeSettings:
             raise SettingsError(
                 "`form=leaves` needs `quality`, which judges the leaves: leave out `pixels`, `seconds`, `image_error`, "
                 "`preset` and `chain`"
+            )
+
+    def _check_engine(self) -> None:
+        if self.compress and self.engine not in COMPRESSED_ENGINES:
+            raise SettingsError(
+                f"`compress` and `engine={self.engine}` exclude each other: {self.engine} cannot read compressed "
+                f"meshes; leave out `compress`, or choose {', '.join(COMPRESSED_ENGINES)}"
             )
 
     def _check_effects(self) -> None:

@@ -10,6 +10,8 @@ Last = Literal["auto", "cross", "octahedral"]
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 DRAW_OCTAHEDRAL = ("generic", "three")
 """Engines that may draw octahedral impostors. Blender's own scenes count as generic."""
+COMPRESSED_ENGINES = ("generic", "three", "babylon", "unity")
+"""Engines that can read `EXT_meshopt_compression`; the reader of generic files is its user's."""
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
     "pruning": "fewer leaves with distance, then the cross impostor, without clouds",

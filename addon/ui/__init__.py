@@ -7,6 +7,7 @@ import bpy
 from .billboard_leaves import LEAFCLOUD_OT_select_billboard
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .export import LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files
+from .forest_export import LEAFCLOUD_OT_export_forest
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
 from .handlers import add_handlers, remove_handlers
 from .import_folder import LEAFCLOUD_OT_import_folder
@@ -48,6 +49,7 @@ _OF_SCENE = {
 _CLASSES = (
     *(*_OF_SCENE.values(), LeafcloudPlanRow, LeafcloudStatus),
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
+    LEAFCLOUD_OT_export_forest,
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
     *(LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files, LEAFCLOUD_OT_select_tree),

@@ -158,6 +158,7 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         column.prop(wanted, "width")
         column.prop(wanted, "far")
         layout.operator("leafcloud.forest")
+        layout.operator("leafcloud.export_forest")
 
 
 def _point_settings(wanted: LeafcloudForestSettings, kinds: int) -> PointSettings:

@@ -113,7 +113,7 @@ class LEAFCLOUD_PT_search(_Settings, bpy.types.Panel):
 class LEAFCLOUD_PT_output(_Settings, bpy.types.Panel):
     bl_idname = "LEAFCLOUD_PT_output"
     bl_label = "Output"
-    groups = (("directory",),)
+    groups = (("directory", "compress"),)
 
 
 class LEAFCLOUD_PT_effects(bpy.types.Panel):

@@ -87,6 +87,7 @@ _SHOWN = {
     "seed": _Shown("Seed"),
     "trees": _Shown("Trees"),
     "engine": _Shown("For", choices=ENGINE_LABELS),
+    "compress": _Shown("Compress Meshes"),
     "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
 }
@@ -124,7 +125,7 @@ def _label_words(name: str, value: str | None) -> str | None:
 
 
 PRESET_SETTINGS = (
-    *(name for name in _SHOWN if name not in ("seed", "trees", "engine")),
+    *(name for name in _SHOWN if name not in ("seed", "trees", "engine", "compress")),
     *map(effect_property, EFFECTS),
 )
 """Properties that a preset holds: not those of one tree, one file or one purpose."""

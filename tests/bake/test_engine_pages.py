@@ -5,6 +5,7 @@ The oracle computes means of 2 × 2 texels, and bilinear alpha at random places 
 
 from __future__ import annotations
 
+import io
 import itertools
 import math
 from pathlib import Path
@@ -15,6 +16,7 @@ import pytest
 from command_line import QUICK, bake
 from glb import read_chunks, read_glb
 from numpy.typing import NDArray
+from PIL import Image
 
 import leafcloud
 
@@ -119,3 +121,54 @@ def texel_size(file: Path, side: int) -> float:
     first, second = uvs[:, 1] - uvs[:, 0], uvs[:, 2] - uvs[:, 0]
     texels = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
     return math.sqrt(areas.sum() / texels.sum())
+
+
+def images_in(file: Path) -> dict[str, NDArray[np.uint8]]:
+    """Return the images (h, w, 4) in a file by name."""
+    content, binary = read_chunks(file)
+    found = {}
+    for image in content["images"]:
+        view = content["bufferViews"][image["bufferView"]]
+        start = view.get("byteOffset", 0)
+        with Image.open(io.BytesIO(binary[start : start + view["byteLength"]])) as picture:
+            found[image["name"]] = np.asarray(picture.convert("RGBA"))
+    return found
+
+
+def means(codes: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
+    """Return the means of blocks of texels."""
+    height, width, channels = codes.shape
+    return codes.reshape(height // steps, steps, width // steps, steps, channels).mean(axis=(1, 3))
+
+
+def test_other_channels_in_files_are_as_small_as_the_base_color(tmp_path: Path, shrub: Path) -> None:
+    """Their texels are means of those in the .blend: of codes, of light for colors, of directions for normals."""
+    bake(shrub, tmp_path, "--texture-size", 256, "--epsilon", 0.1, "--levels", 1, "--no-cross", "--effects", "all")
+    small = {name: image for name, image in images_in(tmp_path / "shrub_LOD1.glb").items() if "LOD1" in name}
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shrub.blend"))
+    sides = {image.shape[0] for name, image in small.items() if "leaf" not in name}
+    steps = 256 // sides.pop()
+    assert not sides, "one size"
+    assert steps >= 2
+    checked = set()
+    for name, image in small.items():
+        kind = name.removeprefix("shrub_LOD1")
+        pixels = np.array(bpy.data.images[name].pixels[:]).reshape(256, 256, 4)[::-1]
+        if kind in ("_normal", "_bent_normal", "_orm", "_translucency"):
+            blocks = means(light(pixels) if kind == "_translucency" else pixels, steps)[..., :3]
+            if kind == "_normal":
+                blocks = 2.0 * blocks - 1.0
+                lengths = np.linalg.norm(blocks, axis=-1, keepdims=True)
+                near = (lengths > 0.5)[..., 0]  # Directions that cancel out have no mean.
+                blocks = 0.5 * blocks / np.maximum(lengths, 1e-9) + 0.5
+            else:
+                near = np.ones(blocks.shape[:2], bool)
+            got = light(image / 255.0) if kind == "_translucency" else image / 255.0
+            assert np.abs(got[..., :3] - blocks)[near].max() < 3.0 / 255.0, name
+            checked.add(kind)
+    assert checked == {"_normal", "_bent_normal", "_orm", "_translucency"}
+
+
+def light(codes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the linear light of sRGB codes in [0, 1]."""
+    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)

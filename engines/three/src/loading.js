@@ -1,5 +1,6 @@
 // Reads a GLB file. Its KTX2 textures have mip levels that keep the coverage of the leaves.
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
 
 /** Folder of three.js with the transcoder of KTX2 textures. */
@@ -13,7 +14,7 @@ const textureLoaders = new WeakMap();
  * read: three.js makes their mip levels itself, and thin leaves dissolve in them.
  */
 export async function loadFile(url, renderer, { transcoder, manager, onProgress } = {}) {
-  const loader = new GLTFLoader(manager);
+  const loader = new GLTFLoader(manager).setMeshoptDecoder(MeshoptDecoder);
   if (renderer) {
     if (renderer.isWebGPURenderer) await renderer.init(); // It does not know its texture formats before.
     try {

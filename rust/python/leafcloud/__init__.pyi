@@ -314,6 +314,12 @@ class Level:
         The sides of the page are halved ``halvings`` times, at most three: an engine draws the level only where texels
         are smaller than pixels. Alpha is another than that of ``base_color``: on the polygons about the same area is
         above the cutoff at mips 0 to 2 and, on most pages, at mip 3."""
+    def halved(self, channel: str, halvings: int) -> NDArray[np.uint8]:
+        """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …) with its sides halved ``halvings`` times.
+
+        Normals keep the length 1, colors are averaged as light. Base color is that of ``for_engines``.
+
+        Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``)."""
     def ktx2(self, channel: str, halvings: int = 0) -> bytes:
         """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
 
@@ -1086,6 +1092,30 @@ def encode_png(
     ``colors``: maximum number of colors, in [2, 256]; the file is then smaller and has no alpha. ``None``: all colors.
 
     The same frames give the same bytes."""
+
+def compress_rows(rows: NDArray[np.uint8]) -> bytes:
+    """Return the bytes of vertices (v, stride) as a stream of glTF's ``EXT_meshopt_compression``, mode ATTRIBUTES.
+
+    ``stride``: 4, 8, 12 or 16. Nothing is lost. Rows that resemble the row before them take the fewest bytes.
+
+    Raises `LeafcloudError` for another stride. The same rows give the same stream."""
+
+def decompress_rows(stream: bytes, count: int, stride: int) -> NDArray[np.uint8]:
+    """Return the bytes (count, stride) of a stream of `compress_rows`.
+
+    Raises `LeafcloudError` for a stream that is none, or that is too short for so many rows."""
+
+def compress_triangles(triangles: NDArray[np.uint32]) -> bytes:
+    """Return triangles (t, 3) as a stream of ``EXT_meshopt_compression``, mode TRIANGLES, at about 1 to 3 bytes each.
+
+    The triangles keep their order and orientation, but a triangle may begin at another of its corners. The same
+    triangles give the same stream."""
+
+def decompress_triangles(stream: bytes, count: int) -> NDArray[np.uint32]:
+    """Return the triangles (count, 3) of a stream of `compress_triangles`.
+
+    The indices of a foreign stream may be any. Raises `LeafcloudError` for a stream that is none, or that is too short
+    for so many triangles."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""

@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import LeafcloudError
+from . import LeafcloudError, decompress_rows, decompress_triangles
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _MOST_ELEMENTS = 2**26
 """Most elements of an accessor: a file may claim any number without holding it."""
+
+_COMPRESSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 
 _PNG, _JPEG, _KTX2 = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"\xabKTX 20\xbb\r\n\x1a\n"
 
@@ -72,10 +74,25 @@ class GlbFile:
         return found if isinstance(found, list) else []
 
     def view(self, number: int) -> bytes:
-        """Return the bytes of a buffer view."""
+        """Return the bytes of a buffer view, decompressed. Raise `Unreadable` for a form that is not decoded here."""
         view = self.items("bufferViews")[number]
-        start, length = view.get("byteOffset", 0), view["byteLength"]
-        if view["buffer"] != 0 or not 0 <= start <= start + length <= len(self._body):
+        source = next((view["extensions"][name] for name in _COMPRESSIONS if name in view.get("extensions", {})), None)
+        if source is None:
+            return self._bytes(number, view)
+        stream, count, stride = self._bytes(number, source), source["count"], source["byteStride"]
+        self._check_count(f"buffer view {number}", count)
+        if source["mode"] == "TRIANGLES" and stride in (2, 4):
+            return decompress_triangles(stream, count // 3).astype(f"<u{stride}").tobytes()
+        form = source.get("filter", "NONE")
+        if source["mode"] != "ATTRIBUTES" or form not in ("NONE", "EXPONENTIAL"):
+            raise Unreadable(f"buffer view {number} is compressed in the mode {source['mode']}, filter {form}")
+        rows = decompress_rows(stream, count, stride)
+        return rows.tobytes() if form == "NONE" else _floats(rows).tobytes()
+
+    def _bytes(self, number: int, source: dict[str, Any]) -> bytes:
+        """Return the bytes in the file of a buffer view, or of its compressed numbers."""
+        start, length = source.get("byteOffset", 0), source["byteLength"]
+        if source["buffer"] != 0 or not 0 <= start <= start + length <= len(self._body):
             raise LeafcloudError(f"{self.path}: buffer view {number} lies outside of the file; export it again")
         return self._body[start : start + length]
 
@@ -84,12 +101,9 @@ class GlbFile:
         accessor = self.items("accessors")[number]
         width, kind = _WIDTHS[accessor["type"]], np.dtype(_TYPES[accessor["componentType"]])
         count, row = accessor["count"], width * kind.itemsize
-        if not 1 <= count <= _MOST_ELEMENTS:
-            raise LeafcloudError(
-                f"{self.path}: accessor {number} has {count} elements; the limit is {_MOST_ELEMENTS:,}"
-            )
+        self._check_count(f"accessor {number}", count)
         if "bufferView" not in accessor or accessor.get("sparse") or accessor.get("normalized"):
-            raise Unreadable(f"accessor {number} is sparse, normalized or compressed")
+            raise Unreadable(f"accessor {number} is sparse or normalized")
         view = self.view(accessor["bufferView"])
         stride = self.items("bufferViews")[accessor["bufferView"]].get("byteStride", row)
         start = accessor.get("byteOffset", 0)
@@ -106,11 +120,12 @@ class GlbFile:
     def _count(self, number: int) -> int:
         """Return the number of elements of an accessor."""
         count = self.items("accessors")[number]["count"]
+        self._check_count(f"accessor {number}", count)
+        return int(count)
+
+    def _check_count(self, owner: str, count: Any) -> None:
         if not isinstance(count, int) or not 1 <= count <= _MOST_ELEMENTS:
-            raise LeafcloudError(
-                f"{self.path}: accessor {number} has {count} elements; the limit is {_MOST_ELEMENTS:,}"
-            )
-        return count
+            raise LeafcloudError(f"{self.path}: {owner} has {count} elements; the limit is {_MOST_ELEMENTS:,}")
 
     def picture(self, number: int) -> Picture:
         """Return format and size of an image. Images outside of the file have no size."""
@@ -127,6 +142,12 @@ class GlbFile:
         if data.startswith(_JPEG):
             return Picture("JPEG", *_jpeg_size(data), len(data))
         return Picture("unknown", 0, 0, len(data))
+
+
+def _floats(rows: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Return the numbers of the filter EXPONENTIAL: 24 bits of a factor below 8 bits of a power of two."""
+    words = rows.view("<i4")
+    return np.ldexp(((words << 8) >> 8).astype(np.float32), words >> 24)
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int]:

@@ -60,7 +60,7 @@ def _print(text: str) -> None:
 
 
 def _lines(found: Inspection, scores: Sequence[Score]) -> list[str]:
-    lines = _table(
+    lines = aligned(
         ("level", "triangles", "vertices", "vertex KB", "texture MB", "textures"),
         [
             (
@@ -84,11 +84,11 @@ def _lines(found: Inspection, scores: Sequence[Score]) -> list[str]:
         lines += ["", *(f"{engine}: {loss}" for engine, loss in found.engines)]
     if scores:
         rows = [(f"{each.size}", f"{each.flip:.3f}", f"{each.coverage:.2f}", f"{each.cost:.3f}") for each in scores]
-        lines += ["", *_table(("pixels", "FLIP", "coverage", "cost of drawing"), rows)]
+        lines += ["", *aligned(("pixels", "FLIP", "coverage", "cost of drawing"), rows)]
     return lines
 
 
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+def aligned(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Return lines with columns of equal widths; all but the first and the last are aligned to the right."""
     widths = [max(len(row[column]) for row in (headings, *rows)) for column in range(len(headings))]
     last = len(headings) - 1

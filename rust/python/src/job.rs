@@ -12,11 +12,11 @@ use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::cloud::{CloudInFrame, PyCloud};
 use crate::curve::PyCurve;
 use crate::errors::{Failure, read, refuse, shown};
 use crate::foliage::PyFoliage;
 use crate::goal::{Built, Goal, Wanted};
-use crate::levels::{CloudInFrame, PyCloud};
 use crate::options::Options;
 use crate::work::{self, PATIENCE, guard};
 

@@ -1,17 +1,17 @@
-//! `Cloud`, `Level` and `Chain`: results in the tree's own coordinates.
+//! `Level` and `Chain`: results in the tree's own coordinates.
 
 use std::sync::Arc;
 
 use leafcloud::atlas::Billboard;
-use leafcloud::geometry::{Frame, Plane};
 use leafcloud::lod::{Chain, LeftOut, Level, Octahedral, share_page};
-use leafcloud::{Cloud, Error, Foliage};
+use leafcloud::{Error, Foliage};
 use leafcloud_curve::{Offer, Stages};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use crate::arrays::{self, image_array, image_or_none, point_groups, vector_rows};
+use crate::cloud::{CloudInFrame, PyCloud};
 use crate::curve::offer_dict;
 use crate::errors::read;
 use crate::foliage::PyFoliage;
@@ -21,58 +21,6 @@ use crate::leaf_level::PyLeafLevel;
 use crate::octahedral_level::PyOctahedralLevel;
 use crate::tools::cost_dict;
 use crate::work::{guard, interruptible};
-
-/// A cloud with its frame, for values in the tree's own coordinates.
-#[derive(Clone)]
-pub struct CloudInFrame {
-    pub cloud: Arc<Cloud>,
-    pub frame: Frame,
-    /// R: ε and deviations are fractions of it.
-    pub radius: f64,
-    /// Area-weighted mean deviation, in the world.
-    pub mean_deviation: f64,
-}
-
-#[pyclass(name = "Cloud", module = "leafcloud", frozen)]
-pub struct PyCloud(pub CloudInFrame);
-
-#[pymethods]
-impl PyCloud {
-    #[getter]
-    fn planes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let row = |plane: &Plane| {
-            let Plane { normal, distance } = plane.to_tree(&self.0.frame);
-            [normal.x, normal.y, normal.z, distance]
-        };
-        let flat: Vec<f64> = self.0.cloud.planes.iter().flat_map(row).collect();
-        flat.into_pyarray(py).reshape([self.0.cloud.planes.len(), 4])
-    }
-
-    #[getter]
-    fn parents<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        self.0.cloud.parents.clone().into_pyarray(py)
-    }
-
-    #[getter]
-    fn deviations<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.0.cloud.deviations.clone().into_pyarray(py)
-    }
-
-    #[getter]
-    fn epsilon(&self) -> f64 {
-        self.0.cloud.bound / self.0.radius
-    }
-
-    #[getter]
-    fn max_deviation(&self) -> f64 {
-        self.0.cloud.max_deviation() / self.0.radius
-    }
-
-    #[getter]
-    fn mean_deviation(&self) -> f64 {
-        self.0.mean_deviation / self.0.radius
-    }
-}
 
 /// Indices of kept triangles and their growth factors.
 type KeptArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
@@ -378,6 +326,18 @@ impl PyLevel {
         interruptible(py, move |_| Ok(level.level().for_engines(halvings).1))?;
         let (image, cutoff) = self.level().for_engines(halvings);
         Ok((image_array(py, image)?, cutoff))
+    }
+
+    fn halved<'py>(&self, py: Python<'py>, channel: &str, halvings: usize) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        if channel == "base_color" {
+            return Ok(self.for_engines(py, halvings)?.0);
+        }
+        let (level, name) = (self.clone(), channel.to_owned());
+        let image = interruptible(py, move |_| {
+            let mut levels = level.level().page.levels(&name).ok_or_else(|| ktx2::no_mips(level.level(), &name))?;
+            Ok(levels.swap_remove(halvings.min(levels.len() - 1)))
+        })?;
+        image_array(py, &image)
     }
 
     #[pyo3(signature = (channel, halvings=0))]

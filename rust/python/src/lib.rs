@@ -6,6 +6,8 @@
 
 mod arrays;
 mod blend;
+mod cloud;
+mod compression;
 mod curve;
 mod errors;
 mod foliage;
@@ -34,7 +36,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     settings::register(module)?;
     module.add_class::<foliage::PyMaterial>()?;
     module.add_class::<foliage::PyFoliage>()?;
-    module.add_class::<levels::PyCloud>()?;
+    module.add_class::<cloud::PyCloud>()?;
     module.add_class::<leaf_level::PyLeafLevel>()?;
     module.add_class::<levels::PyLevel>()?;
     module.add_class::<octahedral_level::PyOctahedralLevel>()?;
@@ -63,6 +65,10 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pictures::flip_map, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::encode_png, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::draw_text, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::compress_rows, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::decompress_rows, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::compress_triangles, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::decompress_triangles, module)?)?;
     module.add_function(wrap_pyfunction!(tools::area_scale, module)?)?;
     module.add_function(wrap_pyfunction!(tools::transition, module)?)?;
     module.add_function(wrap_pyfunction!(tools::switch_distance, module)?)

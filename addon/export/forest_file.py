@@ -1,0 +1,99 @@
+"""A forest in a GLB file: the chain of a tree, whose level 0 stands in many places by `EXT_mesh_gpu_instancing`.
+
+A reader that knows the extension draws all trees in one call, with their leaves. Our packages draw each tree by the
+level for its distance: they take the places from the extension, and the levels from `MSFT_lod`. A reader without the
+extension shows one tree.
+
+A place moves, turns and scales a tree from the origin. The extension places instances within the node N of level 0,
+which turns and scales as A does, and moves. So the transform of the instance at the place P is N⁻¹ · P · A. It has no
+shear if A scales all axes alike.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mathutils import Matrix, Quaternion, Vector
+from numpy.typing import NDArray
+
+from ..errors import ExportError
+from .glb_file import Glb
+
+INSTANCING = "EXT_mesh_gpu_instancing"
+
+_Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""From Blender's axes to those of glTF."""
+_SHEAR = 1e-4
+"""Largest difference of scales along the axes, relative to their mean, that counts as one scale."""
+
+
+def write_forest(tree_file: Path, forest_file: Path, places: NDArray[np.float64]) -> None:
+    """Write the trees of the chain `tree_file` (NAME.glb) at `places`, (n, 4, 4) in Blender's axes, n ≥ 1.
+
+    A place scales all axes alike.
+
+    Raises `ExportError` if the chain cannot be read, is none, or has another scale along each axis.
+    """
+    try:
+        glb = Glb.read(tree_file)
+        node = next(each for each in glb.document["nodes"] if "level" in _numbers(each))
+    except (OSError, ValueError, KeyError, IndexError, StopIteration) as error:
+        raise ExportError(f"{tree_file} is no file of a baked tree: export the tree for the engine again") from error
+    add_instances(glb, node, places)
+    glb.write(forest_file)
+
+
+def _numbers(node: dict[str, Any]) -> dict[str, Any]:
+    numbers: dict[str, Any] = node.get("extras", {}).get("leafcloud", {})
+    return numbers
+
+
+def add_instances(glb: Glb, node: dict[str, Any], places: NDArray[np.float64]) -> None:
+    """Add the places, see `write_forest`, to a node of the file."""
+    own = _matrix(node)
+    turned = own.copy()
+    turned[:3, 3] = 0.0
+    parts = [_parts(row) for row in np.linalg.inv(own) @ (_Y_UP @ places @ _Y_UP.T) @ turned]
+    if any(shear > _SHEAR for *_, shear in parts):
+        scales = ", ".join(f"{each:.3g}" for each in Matrix(own.tolist()).to_scale())
+        raise ExportError(
+            f"{node['name']} is scaled by {scales}: a forest needs one scale along all axes; apply the scale of the "
+            "tree before the bake"
+        )
+    attributes = {
+        "TRANSLATION": [part[0] for part in parts],
+        "ROTATION": [part[1] for part in parts],
+        "SCALE": [(part[2],) * 3 for part in parts],
+    }
+    accessors = {name: glb.append_accessor(np.array(rows)) for name, rows in attributes.items()}
+    for accessor in accessors.values():
+        # No vertex buffer: readers copy the numbers.
+        del glb.document["bufferViews"][glb.document["accessors"][accessor]["bufferView"]]["target"]
+    node.setdefault("extensions", {})[INSTANCING] = {"attributes": accessors}
+    glb.use_extension(INSTANCING)
+
+
+def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
+    """Return the transform (4, 4) of a node of the scene."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    place = Matrix.LocRotScale(
+        Vector(node.get("translation", (0.0, 0.0, 0.0))),
+        Quaternion((w, x, y, z)),
+        Vector(node.get("scale", (1.0, 1.0, 1.0))),
+    )
+    return np.array(place, np.float64)
+
+
+def _parts(
+    transform: NDArray[np.float64],
+) -> tuple[list[float], tuple[float, float, float, float], float, float]:
+    """Return translation, rotation (x, y, z, w), scale, and how far the transform is from one scale, relatively."""
+    axes = transform[:3, :3]
+    scale = float(np.cbrt(np.linalg.det(axes)))
+    shear = float(np.abs(axes.T @ axes / scale**2 - np.eye(3)).max())
+    w, x, y, z = Matrix((axes / scale).tolist()).to_quaternion()
+    return transform[:3, 3].tolist(), (x, y, z, w), scale, shear

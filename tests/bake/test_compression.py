@@ -1,0 +1,157 @@
+"""Files with compressed meshes (`--compress`) hold the numbers of plain files, within the errors that are promised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import QUICK, bake, refusal
+from engine_views import levels_of, pictures, views_of_all_levels
+from numpy.typing import NDArray
+
+import leafcloud
+from addon.export.compression import exponents_of
+from leafcloud._glb import GlbFile
+
+EFFECTS = ("--effects", "transitions,pruning,wind", "--last", "cross")
+COORDINATE, DIRECTION = 2.0**-17, 1.0 / 254.0
+
+
+@pytest.fixture(scope="module")
+def folders(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Folders of two bakes of the shrub for each engine: *ENGINE* plain, and *ENGINE* compressed."""
+    found = {}
+    for engine in ("three", "unity"):
+        for name, flags in ((engine, ()), (f"{engine} compressed", ("--compress",))):
+            found[name] = tmp_path_factory.mktemp("bake")
+            bake(shrub, found[name], *QUICK, *EFFECTS, "--engine", engine, *flags)
+    return found
+
+
+def primitives(file: GlbFile) -> list[dict[str, Any]]:
+    return [primitive for mesh in file.items("meshes") for primitive in mesh["primitives"]]
+
+
+def numbers(file: GlbFile, accessor: int) -> NDArray[np.float64]:
+    """Return the numbers of an accessor as a reader gets them: normalized integers become fractions."""
+    described = file.items("accessors")[accessor]
+    scale = {5120: 127.0, 5123: 65535.0}[described["componentType"]] if described.pop("normalized", False) else 1.0
+    return file.values(accessor) / scale
+
+
+def allowed(name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the largest error of each column of an attribute that is stored as `values` (v, w) without compression."""
+    if name in ("NORMAL", "TANGENT"):
+        return np.full(values.shape[1], DIRECTION)
+    if name in ("TEXCOORD_0", "TEXCOORD_1") and values.min() >= 0.0 and values.max() <= 1.0:
+        return np.full(values.shape[1], COORDINATE)
+    return np.maximum(2.0**-16 * np.ptp(values, axis=0), 2.0**-22 * np.abs(values).max(axis=0))
+
+
+@pytest.mark.parametrize("engine", ["three", "unity"])
+@pytest.mark.parametrize("name", ["shrub", "shrub_LOD0", "shrub_LOD1"])
+def test_numbers_keep_their_promised_errors(folders: dict[str, Path], engine: str, name: str) -> None:
+    plain, packed = (GlbFile(folders[f"{engine}{how}"] / f"{name}.glb") for how in ("", " compressed"))
+    pairs = list(zip(primitives(plain), primitives(packed), strict=True))
+    assert pairs
+    for one, other in pairs:
+        for before, after in zip(
+            (one["attributes"], *one.get("targets", [])), (other["attributes"], *other.get("targets", [])), strict=True
+        ):
+            assert before.keys() == after.keys()
+            for attribute in before:
+                values = plain.values(before[attribute]).astype(np.float64)
+                # A fresh reader: `numbers` takes the flags off.
+                got = numbers(GlbFile(packed.path), after[attribute])
+                assert (np.abs(got - values).max(axis=0) <= 1.0001 * allowed(attribute, values)).all(), attribute
+        corners, kept = (file.values(each["indices"]).reshape(-1, 3) for file, each in ((plain, one), (packed, other)))
+        turned = [np.roll(kept, turn, axis=1) for turn in range(3)]
+        assert np.any([(corners == each).all(axis=1) for each in turned], axis=0).all()
+
+
+def test_positions_tell_their_bounds(folders: dict[str, Path]) -> None:
+    """glTF asks for the least and the largest position as they are stored."""
+    file = GlbFile(folders["three compressed"] / "shrub_LOD0.glb")
+    for primitive in primitives(file):
+        position = primitive["attributes"]["POSITION"]
+        values, described = file.values(position), file.items("accessors")[position]
+        assert values.min(axis=0).tolist() == described["min"]
+        assert values.max(axis=0).tolist() == described["max"]
+
+
+@pytest.mark.parametrize("engine", ["three", "unity"])
+def test_compressed_files_are_valid_and_less_than_two_thirds_as_large(
+    folders: dict[str, Path], engine: str, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    files = sorted(folders[f"{engine} compressed"].glob("*.glb"))
+    # The validator does not know KTX2.
+    issues = [
+        each for each in gltf_issues(*files) if "ktx2" not in each["message"] and "image" not in each["message"].lower()
+    ]
+    assert issues == []
+    sizes = [(folders[f"{engine}{how}"] / "shrub_LOD0.glb").stat().st_size for how in ("", " compressed")]
+    assert sizes[1] < 2 / 3 * sizes[0], sizes
+
+
+def test_the_command_reads_the_promises_of_compressed_files(folders: dict[str, Path]) -> None:
+    from leafcloud.inspection import inspect
+
+    plain, packed = (inspect(folders[name] / "shrub.glb") for name in ("three", "three compressed"))
+    assert [(each.name, each.holds) for each in packed.checks] == [(each.name, each.holds) for each in plain.checks]
+    assert all(each.holds for each in packed.checks)
+    assert ("Blender, Godot, Unreal, Bevy", "cannot open compressed meshes") in packed.engines
+
+
+def test_engines_that_cannot_read_compressed_meshes_refuse_the_setting(shrub: Path, tmp_path: Path) -> None:
+    line = refusal(tmp_path / "out", "--input", shrub, "--engine", "godot", "--compress")
+    assert "godot cannot read compressed meshes" in line
+
+
+@pytest.mark.parametrize(
+    ("offset", "spread"), [(0.0, 1.0), (3e4, 2.0), (-1e-3, 1e-6), (0.0, 0.0), (7.0, 0.0), (0.0, 3e30)]
+)
+def test_steps_suit_the_range_and_leave_room_for_the_largest_number(offset: float, spread: float) -> None:
+    """A factor has 24 bits with its sign. A step is at most 2⁻¹⁵ of the range, or 2⁻²¹ of the largest number."""
+    random = np.random.default_rng(5)
+    values = (offset + spread * random.uniform(-1.0, 1.0, (500, 2))).astype(np.float32)
+    steps = np.ldexp(1.0, exponents_of(values))
+    factors = np.rint(values.astype(np.float64) / steps)
+    assert np.abs(factors).max() < 2**23
+    largest = np.maximum(2.0**-15 * np.ptp(values.astype(np.float64), axis=0), 2.0**-21 * np.abs(values).max(axis=0))
+    assert (steps <= np.maximum(largest, 2.0**-100)).all()
+
+
+def test_streams_of_other_contents_are_refused() -> None:
+    rows = np.random.default_rng(1).integers(0, 255, (300, 12), np.uint8)
+    triangles = np.array([[0, 1, 2], [2, 1, 3]], np.uint32)
+    stream, corners = leafcloud.compress_rows(rows), leafcloud.compress_triangles(triangles)
+    assert np.array_equal(leafcloud.decompress_rows(stream, 300, 12), rows)
+    assert leafcloud.decompress_triangles(corners, 2).shape == (2, 3)
+    wrong: list[Callable[[], object]] = [
+        lambda: leafcloud.compress_rows(rows[:, :7]),
+        lambda: leafcloud.decompress_rows(stream, 400, 12),
+        lambda: leafcloud.decompress_rows(stream[:40], 300, 12),
+        lambda: leafcloud.decompress_rows(b"", 1, 4),
+        lambda: leafcloud.decompress_rows(stream, 2**60, 16),
+        lambda: leafcloud.decompress_triangles(corners, 2**62),
+        lambda: leafcloud.decompress_triangles(stream, 100),
+    ]
+    for each in wrong:
+        with pytest.raises(leafcloud.LeafcloudError, match=r"stream|rows have"):
+            each()
+
+
+@pytest.mark.browser
+def test_three_js_draws_compressed_and_plain_files_alike(folders: dict[str, Path]) -> None:
+    """All levels, in the middle of their transitions, too. A step of positions is far below a pixel."""
+    levels = levels_of(folders["three"] / "shrub.glb")
+    _, views = views_of_all_levels(levels)
+    drawn = [pictures("three", folders[name] / "shrub.glb", views=views) for name in ("three", "three compressed")]
+    for plain, packed in zip(*drawn, strict=True):
+        assert plain["triangles"] == packed["triangles"]
+        assert (plain["pixels"][..., 3] > 0).any()
+        differs = np.abs(plain["pixels"].astype(int) - packed["pixels"]).max(axis=-1) > 24
+        assert differs.sum() <= 0.02 * (plain["pixels"][..., 3] > 0).sum() + 3
