@@ -1,10 +1,9 @@
 // The levels of a file: read once (`sourcesOf`), then dressed in materials for each tree or forest (`Level`).
 import * as THREE from "three";
-import { addAttributes, hasLeaves, nameNumbers, sharing } from "./attributes.js";
+import { addAttributes, addTangents, hasLeaves, nameNumbers, sharing } from "./attributes.js";
 import { BlendOrder } from "./blending.js";
 import { HAND_OVER, keepAt, NEVER, PLACE_TURNS, windForce } from "./laws.js";
-import { pagesOf, QUAD } from "./octahedral.js";
-import { addTangents, bentNormalOf } from "./self_shadowing.js";
+import { bentNormalOf, pagesOf } from "./textures.js";
 import { newUniforms } from "./uniforms.js";
 
 /**
@@ -216,3 +215,6 @@ export class Level {
 }
 
 const PLACE = new THREE.Vector3(...PLACE_TURNS);
+
+/** The corners of a quad, for all octahedral impostors. */
+const QUAD = new THREE.PlaneGeometry(2, 2);

@@ -2,18 +2,9 @@
 //
 // A file baked with self-shadowing has bent-normal occlusion in its materials' extras, and occlusion in the red
 // channel of the roughness texture. three.js itself applies the occlusion to sky light.
-// All of three.js, because three/webgpu, which some pages call "three", has no ShaderChunk.
+// Not by name: where bundlers replace "three" by "three/webgpu", there is no ShaderChunk, nor a renderer that needs it.
 import * as THREE from "three";
 import { after, before, replaced } from "./patching.js";
-
-/** Returns a Map from material to its bent-normal occlusion texture, for the materials that have one. */
-export async function bentNormalOf(gltf) {
-  const found = new Map();
-  gltf.scene.traverse(({ material }) => material && found.set(material, material.userData.leafcloud?.bentNormalTexture));
-  const loaded = [...found].filter(([material, reference]) => reference && material.roughnessMap);
-  const textures = loaded.map(([, { index }]) => gltf.parser.getDependency("texture", index));
-  return new Map((await Promise.all(textures)).map((texture, i) => [loaded[i][0], texture]));
-}
 
 const VERTEX = `
 in vec4 lcTangent;
@@ -32,11 +23,6 @@ const PLACE = `
 `;
 const LIGHTS = /get\w+LightInfo\([^;]*;/g;
 const REACHED = "directLight.color *= lc_sun_share(texelRoughness.r, lcToward, directLight.direction);";
-
-/** Names the tangents as the shaders read them; they are the axes of the texture. */
-export function addTangents(geometry) {
-  geometry.setAttribute("lcTangent", geometry.attributes.tangent);
-}
 
 /** Dims the lights in `shader` by `texture`. The shader must already include the laws. */
 export function shadeItself(shader, texture) {

@@ -3,7 +3,6 @@ import * as THREE from "three";
 import { keepAt, transitionAt, viewFactor } from "./laws.js";
 import { chainsIn, Level, objectsOf, sourcesOf } from "./levels.js";
 import { loadFile } from "./loading.js";
-import * as shaders from "./materials.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 
 /** A tree that shows the level for the camera's distance. Copies (`clone`) share geometry and textures. */
@@ -24,9 +23,8 @@ export class Tree extends THREE.Group {
   static async load(url, { renderer, tree = 0, ...more } = {}) {
     const gltf = await loadFile(url, renderer, more);
     const trees = chainsIn(gltf.parser.json).length;
-    // A dynamic import, so that pages with WebGLRenderer do not load three/webgpu.
-    const looks = renderer?.isWebGPURenderer ? await import("./nodes/materials.js") : shaders;
-    return new Tree({ scene: gltf.scene, levels: await sourcesOf(gltf, tree), renderer, trees, looks });
+    const [levels, looks] = [await sourcesOf(gltf, tree), await looksFor(renderer)];
+    return new Tree({ scene: gltf.scene, levels, renderer, trees, looks });
   }
 
   /** `source`: {scene, levels, renderer, trees, looks} of a loaded file. */
@@ -143,4 +141,9 @@ export class Tree extends THREE.Group {
     const place = new THREE.Vector3().setFromMatrixPosition(object.matrixWorld);
     level.blow(this.settings.wind, seconds, object.matrixWorld.clone().invert(), place);
   }
+}
+
+/** Returns the module of the materials for a renderer. No page loads that of the other, which is large. */
+function looksFor(renderer) {
+  return renderer?.isWebGPURenderer ? import("./nodes/materials.js") : import("./materials.js");
 }

@@ -2,6 +2,9 @@
 import * as THREE from "three";
 import { NEVER } from "./laws.js";
 
+/** Alpha below which an octahedral impostor draws nothing. */
+export const LEAST_ALPHA = 0.02;
+
 /** Returns the uniforms of a level's shaders, for all of its materials. */
 export function newUniforms({ pruning, wind, centre }) {
   return {

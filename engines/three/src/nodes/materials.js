@@ -4,7 +4,7 @@ import { attribute, bool, diffuseColor, mat3, mix, normalize, positionGeometry, 
 import { MeshBasicNodeMaterial, MeshPhysicalNodeMaterial, MeshStandardNodeMaterial } from "three/webgpu";
 import { areaScale, blownAlone, blownOf, flutterOf, growthOf, placeOf, towardMean, trendOf, turnsAt } from "./laws.js";
 import { copied, Copies, drawn, inPattern, keep, keepOfPixel, numberOf, placed, shares, toWorld, transition } from "./level.js";
-import { LEAST_ALPHA } from "../octahedral.js";
+import { LEAST_ALPHA } from "../uniforms.js";
 import { impostorNodes } from "./octahedral.js";
 import { shadeItself } from "./self_shadowing.js";
 
