@@ -29,7 +29,6 @@ const FIRST = {
   vec2: () => new THREE.Vector2(),
   vec3: () => new THREE.Vector3(),
   vec4: () => new THREE.Vector4(),
-  mat4: () => new THREE.Matrix4(),
 };
 
 /** Returns the node of a number of the drawn object's level. `read` finds it in the level's uniforms. */
@@ -59,7 +58,6 @@ export class Copies extends THREE.Mesh {
   constructor(geometry, material, capacity) {
     super(geometry, material);
     this.instanceMatrix = new THREE.InstancedInterleavedBuffer(new Float32Array(16 * capacity), 16);
-    this.instanceMatrix.setUsage(THREE.DynamicDrawUsage);
     COLUMNS.forEach((name, i) => {
       geometry.setAttribute(name, new THREE.InterleavedBufferAttribute(this.instanceMatrix, 4, 4 * i));
     });

@@ -2,9 +2,9 @@
 import * as THREE from "three";
 import { attribute, bool, diffuseColor, mat3, mix, normalize, positionGeometry, texture } from "three/tsl";
 import { MeshBasicNodeMaterial, MeshPhysicalNodeMaterial, MeshStandardNodeMaterial } from "three/webgpu";
+import { LEAST_ALPHA } from "../uniforms.js";
 import { areaScale, blownAlone, blownOf, flutterOf, growthOf, placeOf, towardMean, trendOf, turnsAt } from "./laws.js";
 import { copied, Copies, drawn, inPattern, keep, keepOfPixel, numberOf, placed, shares, toWorld, transition } from "./level.js";
-import { LEAST_ALPHA } from "../uniforms.js";
 import { impostorNodes } from "./octahedral.js";
 import { shadeItself } from "./self_shadowing.js";
 

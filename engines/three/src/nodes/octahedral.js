@@ -139,7 +139,7 @@ function octahedralCorner(corner, eye, { extent, halfBox }) {
 
 const shadows = numberOf("float", (laws) => laws.lcShadows.value);
 
-/** Returns the nodes of an impostor: its corners in the level's coordinates, color and normal. `numbers` are its extras. */
+/** Returns the nodes of an impostor's material: corners, color and normal. `numbers` are its extras. */
 export function impostorNodes({ numbers, ...pages }) {
   const impostor = {
     extent: uniform(new THREE.Vector2(...numbers.extent)),
@@ -156,8 +156,8 @@ export function impostorNodes({ numbers, ...pages }) {
   const axes = mat3(...[0, 1, 2].map((i) => varying(toView.element(i))));
   const normalSeen = property("vec3", "lcNormalSeen");
   const colorNode = Fn(() => {
-    const texels = max(length(dFdx(corner)), length(dFdy(corner))).mul(impostor.texels).mul(0.5);
-    const { shown, normal, light } = octahedral(pages, seenPoint, normalize(seenEye).toVar(), log2(texels), impostor);
+    const lod = log2(max(length(dFdx(corner)), length(dFdy(corner))).mul(impostor.texels).mul(0.5));
+    const { shown, normal, light } = octahedral(pages, seenPoint, normalize(seenEye).toVar(), lod, impostor);
     normalSeen.assign(normal);
     return vec4(shown.rgb.mul(mix(float(1), light, shadows)), shown.a);
   })();
