@@ -23,6 +23,7 @@ FILES = "/files/"
 CHROMIUM = [
     *("chromium", "--headless", "--no-sandbox", "--disable-gpu-sandbox", "--disable-dev-shm-usage"),
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+    *("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"),
     *("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--disable-quic", "--remote-debugging-port=0"),
 ]

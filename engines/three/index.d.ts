@@ -1,4 +1,5 @@
 import type { Camera, Group, Loader, LoadingManager, Matrix4, Vector3, WebGLRenderer } from "three";
+import type { WebGPURenderer } from "three/webgpu";
 
 /** Settings of the drawing of a tree or of a forest. Distances are in the tree's own units. */
 export interface Settings {
@@ -34,8 +35,8 @@ export const SETTINGS: Readonly<Settings>;
 export const LAWS: string;
 
 export interface LoadOptions {
-  /** Draws the tree. Without one, PNG textures are read, and levels suit pictures of 1080 rows. */
-  renderer?: WebGLRenderer;
+  /** Draws the tree. Without one, PNG textures are read, levels suit pictures of 1080 rows, and WebGLRenderer draws the tree. */
+  renderer?: WebGLRenderer | WebGPURenderer;
   /** Number of the tree, in a file of several; 0 by default. */
   tree?: number;
   /** Address of the folder of three.js's transcoder for KTX2, if an import map does not tell it. */
@@ -89,8 +90,8 @@ export class Forest extends Group {
 
 /** Loads trees in the manner of three.js. */
 export class LeafcloudLoader extends Loader<Tree> {
-  /** `renderer`: draws the trees. Without one, PNG textures are read, and levels suit pictures of 1080 rows. */
-  constructor(renderer?: WebGLRenderer, manager?: LoadingManager);
+  /** `renderer`: draws the trees. Without one, as in LoadOptions. */
+  constructor(renderer?: WebGLRenderer | WebGPURenderer, manager?: LoadingManager);
   /** Address of the folder of three.js's transcoder for KTX2: bundlers do not know it. */
   setTranscoderPath(path: string): this;
 }

@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 import shutil
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from command_line import QUICK, bake
-from glb import read_chunks, read_glb
+from glb import read_glb, rewritten
 
 from leafcloud.command import main
-
-Edit = Callable[[dict[str, Any], bytearray], None]
 
 
 @pytest.fixture(scope="module")
@@ -31,18 +28,6 @@ def inspected(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[i
     capsys.readouterr()  # A bake's own output.
     status = main(["inspect", *map(str, arguments), "--json"])
     return status, json.loads(capsys.readouterr().out)
-
-
-def rewritten(source: Path, path: Path, edit: Edit) -> Path:
-    """Write a GLB file with an edited document and body."""
-    document, binary = read_chunks(source)
-    body = bytearray(binary)
-    edit(document, body)
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
-    return path
 
 
 def test_each_level_has_its_figures(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake, run
-from engine_views import code_of, hand_overs, levels_of, pictures, sphere_of, triangles, views_of_all_levels
+from command_line import QUICK, run
+from engine_views import code_of, forest_of, hand_overs, levels_of, pictures, sphere_of, triangles, views_of_all_levels
 
 from bench.browser import BrowserError
 from tools.copy_laws import copies
@@ -21,48 +20,20 @@ PACKAGE = ROOT / "engines" / "three"
 SIDE = 256
 
 
-@pytest.fixture(scope="module")
-def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("three")
-    bake(shrub, out, *QUICK, "--engine", "three", "--last", "cross", "--effects=+transitions,+pruning,+wind")
-    return out
-
-
-@pytest.fixture(scope="module")
-def octahedral(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("octahedral")
-    bake(shrub, out, *QUICK, "--engine", "three", "--last", "octahedral", "--effects=+transitions")
-    return out
-
-
-def test_each_level_is_drawn_at_its_distances(folder: Path) -> None:
-    levels = levels_of(folder / "shrub.glb")
+def test_each_level_is_drawn_at_its_distances(three_bake: Path) -> None:
+    levels = levels_of(three_bake / "shrub.glb")
     drawn, views = views_of_all_levels(levels)
     assert len([line for line in code_of("three").splitlines() if line]) <= 5
-    for numbers, picture in zip(drawn, pictures("three", folder / "shrub.glb", views=views), strict=True):
+    for numbers, picture in zip(drawn, pictures("three", three_bake / "shrub.glb", views=views), strict=True):
         most = sum(triangles(levels[number]) for number in numbers)
         # Pruned leaves are not drawn.
         assert picture["triangles"] == most or (0 in numbers and picture["triangles"] < most)
         assert (picture["pixels"][..., 3] > 0).any()
 
 
-PLACES = np.random.default_rng(3)
-
-
-def forest_of(radius: float, count: int) -> list[list[float]]:
-    """Return matrices (4, 4), as rows: turned about the vertical axis, scaled and moved."""
-    found = []
-    for i in range(count):
-        angle, scale = PLACES.uniform(0.0, 2.0 * math.pi), PLACES.uniform(0.6, 1.5)
-        c, s = scale * math.cos(angle), scale * math.sin(angle)
-        x, z = 3.0 * radius * np.array([i % 8 - 3.5, -(i // 8)]) + PLACES.uniform(-0.5, 0.5, 2)
-        found.append([c, 0.0, s, x, 0.0, scale, 0.0, 0.0, -s, 0.0, c, z, 0.0, 0.0, 0.0, 1.0])
-    return found
-
-
-def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
+def test_a_forest_looks_like_its_trees_drawn_one_by_one(three_bake: Path) -> None:
     """All levels are in view. Trees are turned, scaled and blown; the fades of levels and the pruning agree, too."""
-    extras = levels_of(folder / "shrub.glb")[0].extras["leafcloud"]
+    extras = levels_of(three_bake / "shrub.glb")[0].extras["leafcloud"]
     radius, centre = extras["radius"], np.array(extras["centre"])
     places = forest_of(radius, 64)
     views = [
@@ -70,8 +41,8 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
         for dx, up, dz, fov in ((0.0, 2.0, 6.0, 60.0), (9.0, 1.0, 15.0, 60.0), (-4.0, 12.0, 60.0, 25.0))
     ]
     common = {"places": places, "views": views, "seconds": 3.7}
-    forest = pictures("three", folder / "shrub.glb", code=code_of("three", 1), **common)
-    single = pictures("three", folder / "shrub.glb", copies=True, **common)
+    forest = pictures("three", three_bake / "shrub.glb", code=code_of("three", 1), **common)
+    single = pictures("three", three_bake / "shrub.glb", copies=True, **common)
     for one, other in zip(forest, single, strict=True):
         covered = (other["pixels"][..., 3] > 0).mean()
         assert covered > 0.01
@@ -80,15 +51,15 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(folder: Path) -> None:
         assert one["calls"] < other["calls"]
 
 
-def test_a_forest_of_octahedral_impostors_looks_like_single_ones(octahedral: Path) -> None:
+def test_a_forest_of_octahedral_impostors_looks_like_single_ones(octahedral_bake: Path) -> None:
     """All trees are far away. Single ones are blended; in the forest they are cut out: their order does not matter."""
-    level = levels_of(octahedral / "shrub.glb")[-1]
+    level = levels_of(octahedral_bake / "shrub.glb")[-1]
     extras = level.extras["leafcloud"]
     away = 2.0 * extras["octahedral"]["switch_distance"] * SIDE / 1080.0
     places = forest_of(0.6 * extras["radius"], 24)
     view = {"eye": [0.2 * away, 0.4 * away, 0.9 * away], "target": [0.0, 0.0, -2.0 * extras["radius"]], "fov": 12.0}
     common = {"places": places, "views": [view], "settings": {"level": level.extras["leafcloud"]["level"]}}
-    file = octahedral / "shrub.glb"
+    file = octahedral_bake / "shrub.glb"
     pixels = [
         pictures("three", file, **common, **way)[0]["pixels"] / 255.0
         for way in ({"code": code_of("three", 1)}, {"copies": True})
@@ -100,16 +71,16 @@ def test_a_forest_of_octahedral_impostors_looks_like_single_ones(octahedral: Pat
     assert colors[0] == pytest.approx(colors[1], rel=0.1)
 
 
-def test_a_forest_shows_a_trunk_whose_crown_is_outside_of_the_picture(folder: Path) -> None:
+def test_a_forest_shows_a_trunk_whose_crown_is_outside_of_the_picture(three_bake: Path) -> None:
     """The camera looks at the foot of the stem, which lies below the sphere of the crown."""
-    [level, *_] = levels_of(folder / "shrub.glb")
+    [level, *_] = levels_of(three_bake / "shrub.glb")
     radius = level.extras["leafcloud"]["radius"]
     points = np.concatenate([level.to_world(trunk.attributes["POSITION"]) for trunk in level.trunk])
     foot = points[points[:, 1].argmin()]
     view = {"eye": (foot + np.array([0.0, 0.0, 0.3 * radius])).tolist(), "target": foot.tolist(), "fov": 10.0}
     common = {"places": [np.eye(4).ravel().tolist()], "views": [view]}
-    [forest] = pictures("three", folder / "shrub.glb", code=code_of("three", 1), **common)
-    [single] = pictures("three", folder / "shrub.glb", copies=True, **common)
+    [forest] = pictures("three", three_bake / "shrub.glb", code=code_of("three", 1), **common)
+    [single] = pictures("three", three_bake / "shrub.glb", copies=True, **common)
     assert single["triangles"] > 0
     assert forest["triangles"] == single["triangles"]
 
@@ -139,26 +110,26 @@ def test_one_of_several_trees_is_read(shrub: Path, tmp_path: Path) -> None:
         pictures("three", file, code=NUMBERED.replace("NUMBER", "2"), views=[view])
 
 
-def test_trees_behind_the_camera_are_not_drawn(folder: Path) -> None:
-    extras = levels_of(folder / "shrub.glb")[0].extras["leafcloud"]
+def test_trees_behind_the_camera_are_not_drawn(three_bake: Path) -> None:
+    extras = levels_of(three_bake / "shrub.glb")[0].extras["leafcloud"]
     radius = extras["radius"]
     view = {"eye": [0.0, radius, 5.0 * radius], "target": [0.0, radius, 100.0 * radius], "fov": 50.0}
     [picture] = pictures(
-        "three", folder / "shrub.glb", code=code_of("three", 1), places=forest_of(radius, 16), views=[view]
+        "three", three_bake / "shrub.glb", code=code_of("three", 1), places=forest_of(radius, 16), views=[view]
     )
     assert picture["triangles"] == 0
 
 
-def test_a_copy_keeps_its_own_level(folder: Path) -> None:
+def test_a_copy_keeps_its_own_level(three_bake: Path) -> None:
     """Two copies at different distances in one picture are in different levels."""
-    levels = levels_of(folder / "shrub.glb")
+    levels = levels_of(three_bake / "shrub.glb")
     extras = levels[0].extras["leafcloud"]
     far = 3.0 * hand_overs(levels)[-1] * SIDE / 1080.0
     places = [np.eye(4).ravel().tolist(), np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -far], [0, 0, 0, 1]])]
     view = {"eye": [0.0, 0.0, 3.0 * extras["radius"]], "target": [0.0, 0.0, 0.0], "fov": 50.0}
     common = {"copies": True, "views": [view]}
-    [both] = pictures("three", folder / "shrub.glb", places=[places[0], places[1].ravel().tolist()], **common)
-    [near] = pictures("three", folder / "shrub.glb", places=places[:1], **common)
+    [both] = pictures("three", three_bake / "shrub.glb", places=[places[0], places[1].ravel().tolist()], **common)
+    [near] = pictures("three", three_bake / "shrub.glb", places=places[:1], **common)
     assert both["triangles"] == near["triangles"] + triangles(levels[-1])
 
 
@@ -172,21 +143,22 @@ def test_it_has_the_version_of_the_project() -> None:
     assert json.loads((PACKAGE / "package.json").read_text())["version"] == version
 
 
+EXAMPLE_WEBGL = 'import { WebGLRenderer } from "three"; const renderer = new WebGLRenderer();'
 EXAMPLE = """
-import { Matrix4, PerspectiveCamera, Scene, WebGLRenderer } from "three";
-const renderer = new WebGLRenderer();
+import { Matrix4, PerspectiveCamera, Scene } from "three";
 const scene = new Scene();
 const camera = new PerspectiveCamera();
 const places = [new Matrix4()];
 """
 
 
+@pytest.mark.parametrize("renderer", [EXAMPLE_WEBGL, code_of("three", 2)], ids=["webgl", "webgpu"])
 @pytest.mark.parametrize("number", [0, 1])
-def test_the_code_of_its_readme_has_the_declared_types(number: int) -> None:
+def test_the_code_of_its_readme_has_the_declared_types(renderer: str, number: int) -> None:
     example = PACKAGE / f"example_{number}.ts"
     options = ("--noEmit", "--strict", "--module", "nodenext", "--target", "es2022", "--skipLibCheck")
     try:
-        example.write_text(EXAMPLE + code_of("three", number) + "\nexport {};\n")
+        example.write_text(EXAMPLE + renderer + code_of("three", number) + "\nexport {};\n")
         done = subprocess.run(
             ["node_modules/.bin/tsc", *options, example.name], cwd=PACKAGE, capture_output=True, text=True, check=False
         )

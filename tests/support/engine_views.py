@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import itertools
+import math
 import re
 import subprocess
 from collections.abc import Sequence
@@ -40,9 +41,12 @@ def bundle(folder: Path) -> None:
 
 
 def pictures(engine: str, file: Path, **question: Any) -> list[dict[str, Any]]:
-    """Return the page's answer for each view, with `pixels` as (side, side, 4) in [0, 255], the top row first."""
+    """Return the answer for each view of tests/browser/`page`.html; without a `page` it has the engine's name.
+
+    `pixels` is (side, side, 4) in [0, 255], the top row first.
+    """
     asked = {"file": f"/files/{file.name}", "side": 256, "code": code_of(engine), **question}
-    answer = ask(f"tests/browser/{engine}.html", asked, patience=200.0, files=file.parent)
+    answer = ask(f"tests/browser/{asked.pop('page', engine)}.html", asked, patience=200.0, files=file.parent)
     side = asked["side"]
     for picture in answer["pictures"]:
         pixels = np.frombuffer(base64.b64decode(picture["pixels"]), np.uint8)
@@ -78,6 +82,17 @@ def seen_from(distance: float, centre: Floats, side: int = 256) -> dict[str, Any
     """Return a view for a page, at a distance for `ROWS` rows: the tree is as large in pixels as there."""
     eye = np.asarray(centre) + distance * side / ROWS * DIRECTION
     return {"eye": eye.tolist(), "target": np.asarray(centre).tolist(), "fov": 50.0}
+
+
+def forest_of(radius: float, count: int) -> list[list[float]]:
+    """Return matrices (4, 4), as rows, of trees in eight columns: turned about the vertical axis, scaled and moved."""
+    rng, found = np.random.default_rng(3), []
+    for i in range(count):
+        angle, scale = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.6, 1.5)
+        c, s = scale * math.cos(angle), scale * math.sin(angle)
+        x, z = 3.0 * radius * np.array([i % 8 - 3.5, -(i // 8)]) + rng.uniform(-0.5, 0.5, 2)
+        found.append([c, 0.0, s, x, 0.0, scale, 0.0, 0.0, -s, 0.0, c, z, 0.0, 0.0, 0.0, 1.0])
+    return found
 
 
 def triangles(level: Node) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,18 @@ def read_chunks(path: Path) -> tuple[dict[str, Any], bytes]:
     assert length == len(data)
     json_length, _ = struct.unpack_from("<I4s", data, 12)
     return json.loads(data[20 : 20 + json_length]), data[20 + json_length + 8 :]
+
+
+def rewritten(source: Path, path: Path, edit: Callable[[dict[str, Any], bytearray], None]) -> Path:
+    """Write a GLB file with an edited document and body."""
+    document, binary = read_chunks(source)
+    body = bytearray(binary)
+    edit(document, body)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    return path
 
 
 def _nodes(content: dict[str, Any], binary: bytes, roots: list[int]) -> dict[str, Node]:

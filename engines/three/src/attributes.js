@@ -46,6 +46,11 @@ export function addAttributes(geometry, wind) {
   Object.keys(NUMBERS).forEach((name) => geometry.deleteAttribute(name));
 }
 
+/** Names the tangents as the shaders read them; they are the axes of the texture. */
+export function addTangents(geometry) {
+  geometry.setAttribute("lcTangent", geometry.attributes.tangent);
+}
+
 /** Returns the numbers of leaves that are never pruned and do not flutter. */
 function unranked(count) {
   return new THREE.BufferAttribute(Float32Array.from({ length: 3 * count }, (_, i) => (i % 3 ? 0 : -1)), 3);

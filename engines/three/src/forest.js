@@ -90,10 +90,11 @@ export class Forest extends THREE.Group {
   /** Returns the level with an instanced mesh for each of its meshes; `offset` is the mesh's matrix in the tree. */
   #newLayer(source, capacity) {
     const object = source.object.clone();
-    const level = new Level(source, object);
+    const { looks } = this.#source;
+    const level = new Level(source, object, looks);
     const meshes = level.meshes.map((mesh) => {
-      const instanced = new THREE.InstancedMesh(mesh.geometry, cutOut(mesh.material), capacity);
-      instanced.customDepthMaterial = mesh.customDepthMaterial;
+      cutOut(mesh.material);
+      const instanced = looks.newCopies(mesh, capacity);
       instanced.frustumCulled = false; // The forest leaves out the trees that the camera does not see.
       Object.assign(instanced, { count: 0, visible: false });
       this.add(instanced);
@@ -175,7 +176,6 @@ function offsetOf(object, mesh, toTree) {
 function cutOut(material) {
   const { cutoff } = material.userData;
   if (material.transparent) Object.assign(material, { transparent: false, ...(cutoff ? { alphaTest: cutoff } : { alphaHash: true }) });
-  return material;
 }
 
 /** Radius of a sphere around the center of the leaves that holds the tree, also in wind and with grown leaves. */

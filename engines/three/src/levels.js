@@ -1,11 +1,10 @@
 // The levels of a file: read once (`sourcesOf`), then dressed in materials for each tree or forest (`Level`).
 import * as THREE from "three";
-import { addAttributes, hasLeaves, nameNumbers, sharing } from "./attributes.js";
+import { addAttributes, addTangents, hasLeaves, nameNumbers, sharing } from "./attributes.js";
 import { BlendOrder } from "./blending.js";
 import { HAND_OVER, keepAt, NEVER, PLACE_TURNS, windForce } from "./laws.js";
-import { addFade, newUniforms, patched, shadowing } from "./materials.js";
-import { octahedralMaterial, pagesOf, QUAD } from "./octahedral.js";
-import { addTangents, bentNormalOf } from "./self_shadowing.js";
+import { bentNormalOf, pagesOf } from "./textures.js";
+import { newUniforms } from "./uniforms.js";
 
 /**
  * Reads the levels of tree number `tree` of a file that GLTFLoader loaded, the leaves first. The file's meshes become the sources
@@ -128,8 +127,11 @@ export function objectsOf(root) {
 
 /** A level's meshes with materials and uniforms of their own. */
 export class Level {
-  /** `object`: a copy of the source's object, for the meshes. */
-  constructor(source, object) {
+  #looks;
+
+  /** `object`: a copy of the source's object, for the meshes. `looks`: the module of the materials for the renderer. */
+  constructor(source, object, looks) {
+    this.#looks = looks;
     Object.assign(this, source, { object, uniforms: newUniforms(source), pruned: [], blended: [], meshes: [] });
     const objects = objectsOf(object);
     for (const part of source.parts) this.#dress(objects[part.place], part);
@@ -141,14 +143,11 @@ export class Level {
     mesh.morphTargetInfluences = mesh.morphTargetDictionary = undefined;
     mesh.userData = { ...mesh.userData, isTrunk: part.isTrunk ?? false };
     this.meshes.push(mesh);
+    this.#looks.dress(mesh, part, uniforms);
     if (part.impostor) {
-      mesh.material = octahedralMaterial(part.impostor, part.material, (shader) => addFade(shader, uniforms));
       mesh.frustumCulled = false; // Its corners are not where the geometry says.
-      mesh.customDepthMaterial = mesh.customDistanceMaterial = NO_SHADOW;
       return;
     }
-    mesh.material = patched(part.material, uniforms, part.leaves, part.shading);
-    mesh.customDepthMaterial = shadowing(part.material, uniforms, part.leaves);
     if (part.leaves || this.wind) mesh.frustumCulled = false; // Leaves grow, and the wind moves points, out of the bounds.
     const blends = part.material.transparent;
     if (blends) this.blended.push(new BlendOrder(mesh, part.order ?? null));
@@ -156,17 +155,20 @@ export class Level {
     // Blended triangles are not in rank order, so prefixes do not apply; pruned leaves have zero size there.
     if (part.shares && !blends) this.pruned.push({ geometry: mesh.geometry, prefixes: part.prefixes });
     // Mip levels would thin out the leaves' own textures, and the first cloud, which keeps its coverage, would pop.
-    if (part.leaves && this.number === 0 && mesh.material.map) mesh.material.map.minFilter = THREE.LinearFilter;
+    if (part.leaves && this.number === 0 && mesh.material.map) {
+      Object.assign(mesh.material.map, { minFilter: THREE.LinearFilter, generateMipmaps: false });
+    }
   }
 
   /** Frees the level's own materials and geometries. Attributes and textures belong to all copies of the tree. */
   dispose() {
-    for (const { geometry, material, customDepthMaterial } of this.meshes) {
+    for (const mesh of this.meshes) {
+      const { geometry, material } = mesh;
       Object.keys(geometry.attributes).forEach((name) => geometry.deleteAttribute(name));
       if (this.blended.length === 0) geometry.setIndex(null);
       geometry.dispose();
       material.dispose();
-      if (customDepthMaterial !== NO_SHADOW) customDepthMaterial.dispose();
+      this.#looks.undress(mesh);
     }
   }
 
@@ -214,5 +216,5 @@ export class Level {
 
 const PLACE = new THREE.Vector3(...PLACE_TURNS);
 
-/** A quad that turns to the camera has no shadow of the tree. */
-const NO_SHADOW = new THREE.MeshDepthMaterial({ colorWrite: false, depthWrite: false });
+/** The corners of a quad, for all octahedral impostors. */
+const QUAD = new THREE.PlaneGeometry(2, 2);

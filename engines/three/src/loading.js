@@ -16,6 +16,7 @@ const textureLoaders = new WeakMap();
 export async function loadFile(url, renderer, { transcoder, manager, onProgress } = {}) {
   const loader = new GLTFLoader(manager).setMeshoptDecoder(MeshoptDecoder);
   if (renderer) {
+    if (renderer.isWebGPURenderer) await renderer.init(); // It does not know its texture formats before.
     try {
       loader.setKTX2Loader(await textureLoader(renderer, transcoder ?? import.meta.resolve(TRANSCODER)));
     } catch (error) {

@@ -1,7 +1,7 @@
-// Materials of levels: three.js's own, with the laws in their shaders.
+// Materials of levels for WebGLRenderer: three.js's own, with the laws in their shaders. nodes/ has those for WebGPURenderer.
 import * as THREE from "three";
 import { LAWS } from "./glsl.js";
-import { NEVER } from "./laws.js";
+import { octahedralMaterial } from "./octahedral.js";
 import { after, before, replaced } from "./patching.js";
 import { shadeItself } from "./self_shadowing.js";
 
@@ -105,35 +105,33 @@ const CONTRAST = `
     diffuseColor.rgb = lc_toward_mean(diffuseColor.rgb, lcMean, lc_contrast(lcKept, lcContrast));
 `;
 
-/** Returns the uniforms of a level's shaders, for all of its materials. */
-export function newUniforms({ pruning, wind, centre }) {
-  return {
-    ...(wind && { lcWind: { value: newWind(wind) } }),
-    lcTransitionAt: { value: new THREE.Vector3(0, NEVER, NEVER) },
-    lcKeepAt: { value: new THREE.Vector2(NEVER, 0.5) },
-    lcShares: { value: Array.from({ length: 65 }, (_, i) => (i / 64) ** 2) },
-    lcGrowth: { value: new THREE.Vector2(...pruning.growth) },
-    lcContrast: { value: new THREE.Vector2() },
-    lcMean: { value: new THREE.Vector3(...pruning.mean) },
-    lcFade: { value: new THREE.Vector2(1, 0) },
-    lcViewer: { value: new THREE.Vector3() },
-    lcCentre: { value: centre.clone() },
-    lcUnit: { value: 1 },
-    lcShadows: { value: 0 },
-    lcFadeAt: { value: new THREE.Vector4(-1, 0, NEVER, 2 * NEVER) },
-  };
+/** Gives a mesh of a level its materials. `part`: a mesh of the source; `uniforms`: of the level. */
+export function dress(mesh, part, uniforms) {
+  if (part.impostor) {
+    mesh.material = octahedralMaterial(part.impostor, part.material, (shader) => addFade(shader, uniforms));
+    mesh.customDepthMaterial = mesh.customDistanceMaterial = NO_SHADOW;
+    return;
+  }
+  mesh.material = patched(part.material, uniforms, part.leaves, part.shading);
+  mesh.customDepthMaterial = shadowing(part.material, uniforms, part.leaves);
 }
 
-/** Returns an LcWind of leafcloud.glsl without force. */
-function newWind({ up, foot, height, spread, gusts, sway, branches, flutter }) {
-  const [upward, standing] = [up, foot].map((vector) => new THREE.Vector3(...vector));
-  const shape = { up: upward, foot: standing, height, spread, gusts, sway, branches, flutter };
-  return { direction: new THREE.Vector3(1, 0, 0), ...shape, force: 0, turns: 0 };
+/** A quad that turns to the camera has no shadow of the tree. */
+const NO_SHADOW = new THREE.MeshDepthMaterial({ colorWrite: false, depthWrite: false });
+
+/** Returns a mesh that draws `mesh` at as many places as `capacity`. */
+export function newCopies({ geometry, material, customDepthMaterial }, capacity) {
+  return Object.assign(new THREE.InstancedMesh(geometry, material, capacity), { customDepthMaterial });
+}
+
+/** Frees the material for shadow maps. */
+export function undress({ customDepthMaterial }) {
+  if (customDepthMaterial !== NO_SHADOW) customDepthMaterial.dispose();
 }
 
 /** Returns a copy of the material that includes the laws. `leaves`: of leaves, not of a trunk. `shading`: the texture of
  * self-shadowing, or undefined. */
-export function patched(original, uniforms, leaves, shading) {
+function patched(original, uniforms, leaves, shading) {
   const material = original.clone();
   material.forceSinglePass = true; // Otherwise three.js draws all blended backs before all fronts.
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
@@ -147,7 +145,7 @@ export function patched(original, uniforms, leaves, shading) {
 }
 
 /** Returns the material for shadow maps, which move and fade like `material`. */
-export function shadowing(material, uniforms, leaves) {
+function shadowing(material, uniforms, leaves) {
   const { map, alphaTest, side, transparent } = material;
   const cut = { alphaTest, alphaHash: transparent };
   const made = new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, map, side, ...cut });
@@ -169,7 +167,7 @@ function moveAndFade(shader, uniforms, leaves) {
 }
 
 /** Adds the cross-fade alone to a shader. Another patch moves its vertices, at `#include <begin_vertex>`. */
-export function addFade(shader, uniforms) {
+function addFade(shader, uniforms) {
   Object.assign(shader.uniforms, uniforms);
   shader.vertexShader = before("void main()", LAWS + DISTANCE, after("#include <begin_vertex>", PASS_ON, shader.vertexShader));
   shader.fragmentShader = faded(shader.fragmentShader);

@@ -2,6 +2,7 @@
 import * as THREE from "three";
 import { OCTAHEDRAL } from "./glsl.js";
 import { after, before, replaced } from "./patching.js";
+import { LEAST_ALPHA } from "./uniforms.js";
 
 const VERTEX = `
 uniform LcOctahedral lcImpostor;
@@ -46,32 +47,6 @@ const COLOR = `
     diffuseColor *= vec4(lcSeen.rgb * mix(1.0, lcLight, lcShadows), lcSeen.a);
 `;
 const NORMAL = "normal = normalize(lcNormalToView * lcNormal);";
-/** Alpha below which nothing is drawn. */
-const LEAST_ALPHA = 0.02;
-
-/** Returns a Map from the cross impostor's material to the textures {color, normalDepth} of the octahedral impostor. */
-export async function pagesOf(gltf) {
-  const found = new Map();
-  const texture = (reference) => gltf.parser.getDependency("texture", reference.index);
-  const waiting = [];
-  gltf.scene.traverse(({ material }) => {
-    const { octahedralTexture, octahedralNormalTexture } = material?.userData.leafcloud ?? {};
-    if (!octahedralTexture || !octahedralNormalTexture || found.has(material)) return;
-    found.set(material, {});
-    waiting.push(
-      Promise.all([texture(octahedralTexture), texture(octahedralNormalTexture)]).then(([color, normalDepth]) => {
-        color.colorSpace = THREE.SRGBColorSpace;
-        found.set(material, { color, normalDepth });
-      }),
-    );
-  });
-  await Promise.all(waiting);
-  return found;
-}
-
-/** The corners of a quad, for all octahedral impostors. */
-export const QUAD = new THREE.PlaneGeometry(2, 2);
-
 /**
  * Returns the material of an octahedral impostor. `numbers`: its extras. `original`: the cross impostor's material. `patch`
  * adds the fade to a shader.

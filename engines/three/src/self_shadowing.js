@@ -2,17 +2,9 @@
 //
 // A file baked with self-shadowing has bent-normal occlusion in its materials' extras, and occlusion in the red
 // channel of the roughness texture. three.js itself applies the occlusion to sky light.
-import { ShaderChunk } from "three";
+// Not by name: where bundlers replace "three" by "three/webgpu", there is no ShaderChunk, nor a renderer that needs it.
+import * as THREE from "three";
 import { after, before, replaced } from "./patching.js";
-
-/** Returns a Map from material to its bent-normal occlusion texture, for the materials that have one. */
-export async function bentNormalOf(gltf) {
-  const found = new Map();
-  gltf.scene.traverse(({ material }) => material && found.set(material, material.userData.leafcloud?.bentNormalTexture));
-  const loaded = [...found].filter(([material, reference]) => reference && material.roughnessMap);
-  const textures = loaded.map(([, { index }]) => gltf.parser.getDependency("texture", index));
-  return new Map((await Promise.all(textures)).map((texture, i) => [loaded[i][0], texture]));
-}
 
 const VERTEX = `
 in vec4 lcTangent;
@@ -32,11 +24,6 @@ const PLACE = `
 const LIGHTS = /get\w+LightInfo\([^;]*;/g;
 const REACHED = "directLight.color *= lc_sun_share(texelRoughness.r, lcToward, directLight.direction);";
 
-/** Names the tangents as the shaders read them; they are the axes of the texture. */
-export function addTangents(geometry) {
-  geometry.setAttribute("lcTangent", geometry.attributes.tangent);
-}
-
 /** Dims the lights in `shader` by `texture`. The shader must already include the laws. */
 export function shadeItself(shader, texture) {
   shader.uniforms.lcBentNormal = { value: texture };
@@ -48,7 +35,7 @@ export function shadeItself(shader, texture) {
     lcAcross = vec4((modelViewMatrix * lcAlong).xyz, lcTangent.w);
   `;
   shader.vertexShader = before("void main()", VERTEX, after("#include <project_vertex>", across, shader.vertexShader));
-  const lights = ShaderChunk.lights_fragment_begin.replaceAll(LIGHTS, `$& ${REACHED}`);
+  const lights = THREE.ShaderChunk.lights_fragment_begin.replaceAll(LIGHTS, `$& ${REACHED}`);
   const lit = replaced(shader.fragmentShader, "#include <lights_fragment_begin>", PLACE + lights);
   shader.fragmentShader = before("void main()", FRAGMENT, lit);
 }

@@ -14,7 +14,8 @@ export class Tree extends THREE.Group {
   /**
    * Loads a tree from the GLB file at `url`. It is at rest until the first update.
    *
-   * renderer: draws the tree. With it the file's KTX2 textures are read, else its PNG textures.
+   * renderer: draws the tree; a WebGPURenderer gets node materials. With it the file's KTX2 textures are read, else its PNG
+   *   textures.
    * tree: number of the tree, in a file of several.
    * transcoder: address of the folder of three.js's transcoder for KTX2, if an import map does not tell it.
    * manager, onProgress: those of three.js's loaders.
@@ -22,10 +23,11 @@ export class Tree extends THREE.Group {
   static async load(url, { renderer, tree = 0, ...more } = {}) {
     const gltf = await loadFile(url, renderer, more);
     const trees = chainsIn(gltf.parser.json).length;
-    return new Tree({ scene: gltf.scene, levels: await sourcesOf(gltf, tree), renderer, trees });
+    const [levels, looks] = [await sourcesOf(gltf, tree), await looksFor(renderer)];
+    return new Tree({ scene: gltf.scene, levels, renderer, trees, looks });
   }
 
-  /** `source`: {scene, levels, renderer, trees} of a loaded file. */
+  /** `source`: {scene, levels, renderer, trees, looks} of a loaded file. */
   constructor(source) {
     super();
     this.#source = source;
@@ -34,7 +36,7 @@ export class Tree extends THREE.Group {
     const copies = objectsOf(scene);
     this.add(scene);
     this.settings = { ...SETTINGS };
-    this.levels = source.levels.map((each) => new Level(each, copies[places.indexOf(each.object)]));
+    this.levels = source.levels.map((each) => new Level(each, copies[places.indexOf(each.object)], source.looks));
     this.level = 0;
     /** Distance of the camera from the center of the leaves, in the tree's own units. */
     this.distance = 0;
@@ -139,4 +141,9 @@ export class Tree extends THREE.Group {
     const place = new THREE.Vector3().setFromMatrixPosition(object.matrixWorld);
     level.blow(this.settings.wind, seconds, object.matrixWorld.clone().invert(), place);
   }
+}
+
+/** Returns the module of the materials for a renderer. No page loads that of the other, which is large. */
+function looksFor(renderer) {
+  return renderer?.isWebGPURenderer ? import("./nodes/materials.js") : import("./materials.js");
 }
