@@ -35,6 +35,8 @@ export class Tree {
   readonly distance: number;
   readonly centre: Vector3;
   readonly radius: number;
+  /** Places of the trees of a forest's file, NAME_forest.glb; null in a file of one tree. */
+  readonly places: Matrix[] | null;
   /** Shows the level for this camera; null: the leaves. */
   update(camera: Camera | null): void;
   /** Returns a tree with the same geometry and textures. */

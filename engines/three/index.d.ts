@@ -51,6 +51,8 @@ export class Tree extends Group {
   private constructor();
   /** Number of trees in the file. */
   readonly trees: number;
+  /** Places of the trees of a forest's file, NAME_forest.glb; null in a file of one tree. */
+  readonly places: Matrix4[] | null;
   readonly settings: Settings;
   /** Number of the drawn level; 0 has the leaves. */
   readonly level: number;

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import QUICK, bake
-from engine_views import bundle, code_of, hand_overs, levels_of, pictures, triangles
+from engine_views import bundle, code_of, forest_file, hand_overs, levels_of, pictures, triangles
 
 SIDE = 256
 COUNT = 48
@@ -153,3 +153,17 @@ def test_a_forest_casts_the_shadows_of_its_trees(tree: Path) -> None:
     assert dark[1].mean() > 0.01
     # The light's map covers the casters' boxes, so that it has other texels around a forest.
     assert (dark[0] != dark[1]).mean() < 0.2 * dark[1].mean()
+
+
+def test_a_forest_stands_where_its_file_says(tree: Path) -> None:
+    """In both of Babylon.js's systems of axes."""
+    radius = levels_of(tree)[0].extras["leafcloud"]["radius"]
+    file = forest_file(tree, places_of(radius))
+    from_file = code_of("babylon", 1).replace("places", "tree.places")
+    for left_handed in (False, True):
+        common = {"leftHanded": left_handed, "settings": {"seconds": 1.0}, "views": views_of(tree)[:1]}
+        [given], [read] = forest(tree, **common), pictures("babylon", file, code=from_file, **common)
+        assert read["counts"] == given["counts"]
+        covered = given["pixels"][..., 3] > 0
+        assert covered.mean() > 0.01
+        assert (np.abs(read["pixels"] - given["pixels"]).max(axis=-1) > 8.0).sum() < 0.01 * covered.sum()

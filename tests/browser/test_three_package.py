@@ -10,7 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import QUICK, run
-from engine_views import code_of, forest_of, hand_overs, levels_of, pictures, sphere_of, triangles, views_of_all_levels
+from engine_views import (
+    code_of,
+    forest_file,
+    forest_of,
+    hand_overs,
+    levels_of,
+    pictures,
+    sphere_of,
+    triangles,
+    views_of_all_levels,
+)
 
 from bench.browser import BrowserError
 from tools.copy_laws import copies
@@ -83,6 +93,30 @@ def test_a_forest_shows_a_trunk_whose_crown_is_outside_of_the_picture(three_bake
     [single] = pictures("three", three_bake / "shrub.glb", copies=True, **common)
     assert single["triangles"] > 0
     assert forest["triangles"] == single["triangles"]
+
+
+FROM_FILE = """
+import { Forest, LeafcloudLoader } from "leafcloud-three";
+const tree = await new LeafcloudLoader(renderer).loadAsync("pine.glb");
+const forest = new Forest(tree, tree.places);
+scene.add(forest);
+renderer.setAnimationLoop((time) => (forest.update(camera, time / 1000), renderer.render(scene, camera)));
+"""
+
+
+def test_a_forest_stands_where_its_file_says(three_bake: Path) -> None:
+    extras = levels_of(three_bake / "shrub.glb")[0].extras["leafcloud"]
+    radius, centre = extras["radius"], np.array(extras["centre"])
+    places = forest_of(radius, 16)
+    eye = (centre + radius * np.array([0.0, 4.0, 14.0])).tolist()
+    common = {"views": [{"eye": eye, "target": [0.0, 0.0, -4.0 * radius], "fov": 50.0}]}
+    given = pictures("three", three_bake / "shrub.glb", code=code_of("three", 1), places=places, **common)
+    read = pictures("three", forest_file(three_bake / "shrub.glb", places), code=FROM_FILE, **common)
+    assert read[0]["triangles"] == given[0]["triangles"]
+    covered = given[0]["pixels"][..., 3] > 0
+    assert covered.mean() > 0.02
+    differs = np.abs(read[0]["pixels"] - given[0]["pixels"]).max(axis=-1) > 8.0
+    assert differs.sum() < 0.01 * covered.sum()
 
 
 NUMBERED = """

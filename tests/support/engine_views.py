@@ -15,6 +15,7 @@ import numpy as np
 from glb import Node, read_glb
 from laws import Floats
 
+from addon.export.forest_file import write_forest
 from bench.browser import ask
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -117,3 +118,15 @@ def views_of_all_levels(levels: Sequence[Node], side: int = 256) -> tuple[list[l
     morphs = ["transition_end" in level.extras["leafcloud"] for level in levels]
     drawn = [drawn_levels(distance, ends, morphs) for distance in distances]
     return drawn, [seen_from(distance, centre, side) for distance in distances]
+
+
+def forest_file(file: Path, places: Sequence[Sequence[float]]) -> Path:
+    """Write the tree of a bake at places (4, 4), as rows and Y-up, which move it from where it stands."""
+    [leaves, *_] = levels_of(file)
+    stands = np.eye(4)
+    stands[:3, 3] = leaves.to_world(np.zeros((1, 3)))[0]
+    to_blender = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+    rows = to_blender @ (np.array(places).reshape(-1, 4, 4) @ stands) @ to_blender.T
+    made = file.with_name(f"{file.stem}_forest.glb")
+    write_forest(file, made, rows)
+    return made

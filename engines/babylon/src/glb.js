@@ -2,6 +2,8 @@
 
 const JSON_CHUNK = 0x4e4f534a;
 
+const INSTANCING = "EXT_mesh_gpu_instancing";
+
 /** Returns the JSON document of a GLB file, and the chunks behind it. */
 export function split(content) {
   const view = new DataView(content);
@@ -70,7 +72,10 @@ export function withLevels(document, { ktx2, tree }) {
   const chains = chainsIn(document);
   const { nodes } = document.scenes[document.scene ?? 0];
   document.scenes[document.scene ?? 0].nodes = [...nodes.filter((node) => !chains.flat().includes(node)), ...chains[tree]];
-  document.nodes.forEach(({ extensions }) => delete extensions?.MSFT_lod);
+  for (const { extensions } of document.nodes) {
+    delete extensions?.MSFT_lod;
+    delete extensions?.[INSTANCING]; // Babylon.js would draw level 0 at all places.
+  }
   if (!ktx2) document.textures?.forEach(({ extensions }) => delete extensions?.KHR_texture_basisu);
   document.meshes.forEach(({ primitives }) => primitives.forEach(withoutNumbers));
   return document;
@@ -101,6 +106,21 @@ export function levelsIn(document, rest, tree) {
       return { name, extras: extras.leafcloud, tables, numbers, images: imagesOf(document, rest, primitives[0].material) };
     })
     .sort((a, b) => a.extras.level - b.extras.level);
+}
+
+/** Returns the translations, rotations and scales of the instances of a tree's level 0; null in a file of one tree. */
+export function instancesIn(document, rest, tree) {
+  const { attributes } = document.nodes[chainsIn(document)[tree][0]].extensions?.[INSTANCING] ?? {};
+  if (!attributes) return null;
+  const [translations, rotations, scales] = ["TRANSLATION", "ROTATION", "SCALE"].map((name) =>
+    name in attributes ? floatsOf(document, rest, attributes[name]) : null,
+  );
+  const { count } = document.accessors[Object.values(attributes)[0]];
+  return Array.from({ length: count }, (_, i) => ({
+    translation: translations?.subarray(3 * i, 3 * i + 3) ?? [0, 0, 0],
+    rotation: rotations?.subarray(4 * i, 4 * i + 4) ?? [0, 0, 0, 1],
+    scale: scales?.subarray(3 * i, 3 * i + 3) ?? [1, 1, 1],
+  }));
 }
 
 /** Returns the floats of a primitive's sets of texture coordinates with numbers, and of its morph target. */

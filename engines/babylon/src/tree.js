@@ -19,7 +19,7 @@ export class Tree {
   #observer;
   #levels;
 
-  /** `source`: {container, levels} of a loaded file. */
+  /** `source`: {container, levels, places} of a loaded file. */
   constructor(source, scene) {
     this.#source = source;
     this.#scene = scene;
@@ -40,6 +40,11 @@ export class Tree {
   /** What the tree was made of; for forests. */
   get source() {
     return { ...this.#source, scene: this.#scene };
+  }
+
+  /** Places (Matrix) of the trees of a forest's file; null in a file of one tree. */
+  get places() {
+    return this.#source.places;
   }
 
   /** Returns a tree with the same geometry and textures. */

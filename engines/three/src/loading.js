@@ -2,6 +2,7 @@
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
+import { withoutInstances } from "./places.js";
 
 /** Folder of three.js with the transcoder of KTX2 textures. */
 const TRANSCODER = "three/addons/libs/basis/";
@@ -14,7 +15,7 @@ const textureLoaders = new WeakMap();
  * read: three.js makes their mip levels itself, and thin leaves dissolve in them.
  */
 export async function loadFile(url, renderer, { transcoder, manager, onProgress } = {}) {
-  const loader = new GLTFLoader(manager).setMeshoptDecoder(MeshoptDecoder);
+  const loader = new GLTFLoader(manager).setMeshoptDecoder(MeshoptDecoder).register(withoutInstances);
   if (renderer) {
     if (renderer.isWebGPURenderer) await renderer.init(); // It does not know its texture formats before.
     try {

@@ -3,6 +3,7 @@ import * as THREE from "three";
 import { keepAt, transitionAt, viewFactor } from "./laws.js";
 import { chainsIn, Level, objectsOf, sourcesOf } from "./levels.js";
 import { loadFile } from "./loading.js";
+import { placesOf } from "./places.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 
 /** A tree that shows the level for the camera's distance. Copies (`clone`) share geometry and textures. */
@@ -22,12 +23,13 @@ export class Tree extends THREE.Group {
    */
   static async load(url, { renderer, tree = 0, ...more } = {}) {
     const gltf = await loadFile(url, renderer, more);
-    const trees = chainsIn(gltf.parser.json).length;
+    const chains = chainsIn(gltf.parser.json);
     const [levels, looks] = [await sourcesOf(gltf, tree), await looksFor(renderer)];
-    return new Tree({ scene: gltf.scene, levels, renderer, trees, looks });
+    const places = await placesOf(gltf, chains[tree][0], levels[0].object);
+    return new Tree({ scene: gltf.scene, levels, renderer, trees: chains.length, places, looks });
   }
 
-  /** `source`: {scene, levels, renderer, trees, looks} of a loaded file. */
+  /** `source`: {scene, levels, renderer, trees, places, looks} of a loaded file. */
   constructor(source) {
     super();
     this.#source = source;
@@ -55,6 +57,11 @@ export class Tree extends THREE.Group {
   /** Number of trees in the file. */
   get trees() {
     return this.#source.trees;
+  }
+
+  /** Places (Matrix4) of the trees of a forest's file; null in a file of one tree. */
+  get places() {
+    return this.#source.places;
   }
 
   clone() {
