@@ -174,7 +174,7 @@ static func _set_laws(material: ShaderMaterial, node: Node3D, has_leaves: bool, 
 	var level: Dictionary = node.get_meta(META)
 	var scale := node.transform.basis.x.length()
 	_set_all(material, {
-		"centre": _vector(level["centre"]),
+		"crown_centre": _vector(level["centre"]),
 		"fade_in": level["fade_in"] / scale,
 		"fade_out": level["fade_out"] / scale,
 		"is_first": level["level"] == 0,
@@ -184,15 +184,15 @@ static func _set_laws(material: ShaderMaterial, node: Node3D, has_leaves: bool, 
 	})
 	if has_leaves and level.has("transition_end"):
 		var transition := Vector2(level["transition_start"], level["transition_end"])
-		_set_all(material, {"transition": transition / scale})
+		_set_all(material, {"transition_range": transition / scale})
 	if has_leaves and level.has("prune_start"):
 		_set_all(material, {
 			"prune_start": level["prune_start"] / scale,
 			"prune_half": level.get("prune_half", 0.5),
-			"growth": _pair(level.get("growth", [0, 0])),
-			"contrast": _pair(level.get("contrast", [0, 0])),
+			"growth_numbers": _pair(level.get("growth", [0, 0])),
+			"contrast_numbers": _pair(level.get("contrast", [0, 0])),
 			"mean_color": _vector(level.get("mean_color", [0, 0, 0])),
-			"shares": PackedFloat32Array(level["shares"]) if level.has("shares") else null,
+			"area_shares": PackedFloat32Array(level["shares"]) if level.has("shares") else null,
 		})
 	for name: String in level.get("wind", {}):
 		var value: Variant = level["wind"][name]
