@@ -10,6 +10,7 @@ extends GLTFDocumentExtension
 const META := &"leafcloud"
 
 const LeafcloudTree := preload("leafcloud_tree.gd")
+const LeafTexture := preload("leaf_texture.gd")
 
 ## By sides, then by light.
 const SHADERS := [
@@ -66,7 +67,7 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 
 func _import_post(state: GLTFState, root: Node) -> Error:
 	for levels: Array in LeafcloudTree.chains_in(root.find_children("*", "", true, false)):
-		var own := _textures(levels[0])
+		var own := _leaf_textures(levels[0])
 		for number in levels.size():
 			var level: Dictionary = levels[number].get_meta(META)
 			var next: Dictionary = levels[number + 1].get_meta(META) if number + 1 < levels.size() else {}
@@ -89,19 +90,23 @@ static func _fade(level: Dictionary, next: Dictionary) -> Vector2:
 	return Vector2(next["switch_distance"], 1.25 * next["switch_distance"])
 
 
-## The textures of the leaves themselves.
-static func _textures(leaves: Node) -> Array[Texture2D]:
-	var found: Array[Texture2D] = []
+## The base textures of the leaves themselves that are cut out, each with the texture that is drawn.
+static func _leaf_textures(leaves: Node) -> Dictionary[Texture2D, Texture2D]:
+	var found: Dictionary[Texture2D, Texture2D] = {}
 	if leaves is ImporterMeshInstance3D:
 		for i in leaves.mesh.get_surface_count():
 			var material := leaves.mesh.get_surface_material(i) as BaseMaterial3D
-			if material != null and material.albedo_texture != null:
-				found.append(material.albedo_texture)
+			if material != null and material.albedo_texture != null and _is_cut(material):
+				found[material.albedo_texture] = LeafTexture.with_mips(material.albedo_texture, material.alpha_scissor_threshold)
 	return found
 
 
-## Makes the mesh of a level, its leaves and its trunk, follow the camera. `own`: the leaves' own textures.
-static func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D], state: GLTFState) -> void:
+static func _is_cut(material: BaseMaterial3D) -> bool:
+	return material.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR
+
+
+## Makes the mesh of a level, its leaves and its trunk, follow the camera. `own`: see _leaf_textures.
+static func _prepare(node: ImporterMeshInstance3D, own: Dictionary[Texture2D, Texture2D], state: GLTFState) -> void:
 	var old := node.mesh
 	var mesh := ImporterMesh.new()
 	for i in old.get_surface_count():
@@ -123,7 +128,7 @@ static func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D], state:
 
 
 ## The shader with the numbers and textures of a material. Blended materials stay: shaders that discard cannot blend.
-static func _material(from: Material, own: Array[Texture2D]) -> Material:
+static func _material(from: Material, own: Dictionary[Texture2D, Texture2D]) -> Material:
 	var plain := from as BaseMaterial3D
 	if plain == null or plain.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA:
 		return from
@@ -131,12 +136,11 @@ static func _material(from: Material, own: Array[Texture2D]) -> Material:
 	made.resource_name = plain.resource_name
 	var sides := 1 if plain.cull_mode == BaseMaterial3D.CULL_DISABLED else 0
 	made.shader = SHADERS[sides][1 if plain.shading_mode == BaseMaterial3D.SHADING_MODE_UNSHADED else 0]
-	var cut := plain.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR
 	_set_all(made, {
-		"base_texture": plain.albedo_texture,
+		"base_texture": own.get(plain.albedo_texture, plain.albedo_texture),
 		"base_color": plain.albedo_color,
-		"alpha_cutoff": plain.alpha_scissor_threshold if cut else 0.0,
-		"uses_mips": not (cut and own.has(plain.albedo_texture)),
+		"alpha_cutoff": plain.alpha_scissor_threshold if _is_cut(plain) else 0.0,
+		"alpha_is_share": _is_cut(plain) and own.has(plain.albedo_texture),
 		"normal_texture": plain.normal_texture if plain.normal_enabled else null,
 		"normal_scale": plain.normal_scale if plain.normal_enabled else 0.0,
 		"roughness_texture": plain.roughness_texture,
