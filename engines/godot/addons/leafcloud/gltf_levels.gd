@@ -11,6 +11,7 @@ const META := &"leafcloud"
 
 const LeafcloudTree := preload("leafcloud_tree.gd")
 const LeafTexture := preload("leaf_texture.gd")
+const ShadowProxy := preload("shadow_proxy.gd")
 
 ## By sides, then by light.
 const SHADERS := [
@@ -66,6 +67,7 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 
 
 func _import_post(state: GLTFState, root: Node) -> Error:
+	var proxies := ShadowProxy.meshes_beside(state)
 	for levels: Array in LeafcloudTree.chains_in(root.find_children("*", "", true, false)):
 		var own := _leaf_textures(levels[0])
 		for number in levels.size():
@@ -74,9 +76,43 @@ func _import_post(state: GLTFState, root: Node) -> Error:
 			level["fade_in"] = levels[number - 1].get_meta(META)["fade_out"] if number > 0 else Vector2.ZERO
 			level["fade_out"] = _fade(level, next)
 			levels[number].set_meta(META, level)
-			if levels[number] is ImporterMeshInstance3D:
-				_prepare(levels[number], own, state)
+		var name := state.get_nodes()[levels[0].get_meta(META)["chain"]].original_name.trim_suffix("_LOD0")
+		if proxies.has(name):
+			_add_shadow(levels, proxies[name], own, state)
+		for level: Node in levels:
+			if level is ImporterMeshInstance3D:
+				_prepare(level, level.get_meta(META), own, state)
 	return OK
+
+
+## Adds the proxy that casts the shadow of the levels up to the first one of billboards. Farther levels have as few
+## triangles themselves.
+static func _add_shadow(
+	levels: Array, proxy: ImporterMesh, own: Dictionary[Texture2D, Texture2D], state: GLTFState
+) -> void:
+	var clouds := levels.filter(func(level: Node) -> bool: return level.get_meta(META).has("max_deviation"))
+	if clouds.is_empty():
+		return
+	var first: ImporterMeshInstance3D = clouds[0]
+	var numbers: Dictionary = first.get_meta(META)
+	var node := ImporterMeshInstance3D.new()
+	node.name = first.name.get_slice("_LOD", 0) + "_shadow"
+	node.transform = first.transform
+	node.mesh = ShadowProxy.with_trunk(proxy, first.mesh, numbers["trunk"])
+	var shadow := {
+		"chain": numbers["chain"],
+		"level": 0,
+		"last_level": levels.find(first),
+		"centre": numbers["centre"],
+		"fade_in": Vector2.ZERO,
+		"fade_out": numbers["fade_out"],
+		"trunk": proxy.get_surface_count(),
+		"wind": numbers.get("wind", {}),
+	}
+	node.set_meta(LeafcloudTree.SHADOW, shadow)
+	first.get_parent().add_child(node)
+	node.owner = first.owner
+	_prepare(node, shadow, own, state)
 
 
 ## The distances at which the next level begins to appear and at which this one is gone; never for the last one.
@@ -106,7 +142,9 @@ static func _is_cut(material: BaseMaterial3D) -> bool:
 
 
 ## Makes the mesh of a level, its leaves and its trunk, follow the camera. `own`: see _leaf_textures.
-static func _prepare(node: ImporterMeshInstance3D, own: Dictionary[Texture2D, Texture2D], state: GLTFState) -> void:
+static func _prepare(
+	node: ImporterMeshInstance3D, level: Dictionary, own: Dictionary[Texture2D, Texture2D], state: GLTFState
+) -> void:
 	var old := node.mesh
 	var mesh := ImporterMesh.new()
 	for i in old.get_surface_count():
@@ -118,9 +156,9 @@ static func _prepare(node: ImporterMeshInstance3D, own: Dictionary[Texture2D, Te
 			format |= TARGET_FORMAT
 		var material := _material(old.get_surface_material(i), own)
 		if material is ShaderMaterial:
-			var has_leaves: bool = i < node.get_meta(META)["trunk"]
+			var has_leaves: bool = i < level["trunk"]
 			var has_pivots: bool = arrays[Mesh.ARRAY_CUSTOM0] != null
-			_set_laws(material, node, has_leaves, has_pivots)
+			_set_laws(material, level, node.transform.basis.x.length(), has_leaves, has_pivots)
 			_set_all(material, _unread(state, material.resource_name))
 		mesh.add_surface(old.get_surface_primitive_type(i), arrays, [], {}, material, old.get_surface_name(i), format)
 	mesh.resource_name = old.resource_name
@@ -174,9 +212,9 @@ static func _texture(state: GLTFState, info: Dictionary) -> Texture2D:
 
 
 ## Sets the numbers of the laws: distances in units of the mesh, because the shader divides by its scale.
-static func _set_laws(material: ShaderMaterial, node: Node3D, has_leaves: bool, has_pivots: bool) -> void:
-	var level: Dictionary = node.get_meta(META)
-	var scale := node.transform.basis.x.length()
+static func _set_laws(
+	material: ShaderMaterial, level: Dictionary, scale: float, has_leaves: bool, has_pivots: bool
+) -> void:
 	_set_all(material, {
 		"crown_centre": _vector(level["centre"]),
 		"fade_in": level["fade_in"] / scale,

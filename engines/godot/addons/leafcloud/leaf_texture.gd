@@ -14,6 +14,17 @@ static func with_mips(texture: Texture2D, cutoff: float) -> Texture2D:
 	var smaller := _smaller_levels(image, cutoff)
 	image.fix_alpha_edges()
 	image.set_data(image.get_width(), image.get_height(), true, Image.FORMAT_RGBA8, image.get_data() + smaller.get_data())
+	return _stored(image)
+
+
+## The texture with Godot's own mip levels.
+static func with_plain_mips(texture: Texture2D) -> Texture2D:
+	var image := texture.get_image()
+	image.generate_mipmaps()
+	return _stored(image)
+
+
+static func _stored(image: Image) -> Texture2D:
 	if not Engine.is_editor_hint():
 		return ImageTexture.create_from_image(image)
 	# Small in the file of the imported scene.

@@ -20,7 +20,7 @@ const Levels := preload("leafcloud_tree.gd")
 ## The camera may move by this share of the shortest hand-over distance before trees are sorted again.
 const PATIENCE := 0.02
 
-## One entry a level: its numbers in the file, the center of its leaves in the tree, its place in the tree, and its drawing.
+## One entry a level or shadow proxy: its numbers in the file, the center of its leaves in the tree, its place in the tree, and its drawing.
 var _levels: Array[Dictionary] = []
 var _sorted_from := Vector3.ZERO
 var _factor := 0.0
@@ -38,10 +38,10 @@ func plant(new_places: Array[Transform3D]) -> void:
 	var source: Node3D = tree.instantiate()
 	for levels in Levels.trees_of(source):
 		var box := Levels.common_box(levels)
-		for part: MeshInstance3D in levels:
+		for part in Levels.parts_of(levels):
 			var offset := part.transform
 			_levels.append({
-				"numbers": part.get_meta(Levels.META),
+				"numbers": Levels.numbers_of(part),
 				"centre": offset * box.get_center(),
 				"offset": offset,
 				"drawing": _drawing(part, offset * box),
