@@ -11,7 +11,18 @@ import bpy
 import numpy as np
 import pytest
 from engine_views import ROWS, hand_overs, levels_of, sphere_of
-from godot_project import NEEDS_GODOT, RENDERERS, TREE, codes, colors, project_with, run_script, seen
+from godot_project import (
+    NEEDS_GODOT,
+    RENDERERS,
+    TREE,
+    codes,
+    colors,
+    exported,
+    project_with,
+    run_script,
+    run_window,
+    seen,
+)
 from mathutils import Matrix
 
 import leafcloud
@@ -100,6 +111,17 @@ def test_renderers_cover_the_same(views: Path, compatibility: Path) -> None:
     ]
     print(f"{views.name}: {covered[1] / covered[0]:.4f} of Compatibility's coverage")
     assert covered[1] == pytest.approx(covered[0], rel=0.02)
+
+
+def test_an_exported_game_draws_the_same(project: Path, compatibility: Path, tmp_path: Path) -> None:
+    """The pack has no GLB file: imported resources must have everything."""
+    pack = exported(project, tmp_path / "game")
+    views = run_window(["--main-pack", str(pack)], "views.gd", tmp_path / "out")
+    assert json.loads((views / "drawn.json").read_text()) == json.loads((compatibility / "drawn.json").read_text())
+    pictures = sorted(compatibility.glob("*.png"))
+    assert pictures
+    for picture in pictures:
+        np.testing.assert_allclose(colors(views / picture.name), colors(picture), atol=0.01, err_msg=picture.name)
 
 
 def test_a_tree_whose_nodes_are_scaled_and_turned_switches_alike(tmp_path: Path) -> None:

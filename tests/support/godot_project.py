@@ -39,6 +39,18 @@ enabled=PackedStringArray("res://addons/leafcloud/plugin.cfg")
 renderer/rendering_method="gl_compatibility"
 """
 
+PRESET = """[preset.0]
+name="pack"
+platform="Linux"
+export_filter="all_resources"
+include_filter=""
+exclude_filter=""
+export_path=""
+[preset.0.options]
+binary_format/architecture="x86_64"
+texture_format/s3tc_bptc=true
+"""
+
 
 def godot(project: Path, *arguments: str) -> str:
     """Run Godot in the project. Return its output."""
@@ -67,20 +79,31 @@ def window(renderer: str) -> list[str]:
 
 
 def run_script(project: Path, name: str, renderer: str = "gl_compatibility") -> Path:
-    """Run one of the scripts in `SCRIPTS` under Xvfb. Return the folder that it wrote into.
+    """Run one of the scripts in `SCRIPTS` in the project. Return the folder that it wrote into."""
+    for script in SCRIPTS.glob("*.gd"):
+        shutil.copy(script, project)
+    return run_window(["--path", str(project)], name, project / "out" / renderer, renderer)
+
+
+def run_window(game: list[str], name: str, out: Path, renderer: str = "gl_compatibility") -> Path:
+    """Run a script of a game, a project or a pack, under Xvfb. Return the folder that it wrote into, `out`.
 
     Skips the test if the renderer does not start, as without a Vulkan driver.
     """
-    out = project / "out" / renderer
     out.mkdir(parents=True, exist_ok=True)
-    for script in SCRIPTS.glob("*.gd"):
-        shutil.copy(script, project)
-    said = checked(
-        [*DISPLAY, *GODOT, "--path", str(project), *window(renderer), "--script", f"res://{name}", "--", str(out)]
-    )
+    said = checked([*DISPLAY, *GODOT, *game, *window(renderer), "--script", f"res://{name}", "--", str(out)])
     if f" - {RENDERERS[renderer]} - " not in said:
         pytest.skip(f"the renderer {RENDERERS[renderer]} does not start: Vulkan needs a driver, such as lavapipe")
     return out
+
+
+def exported(project: Path, folder: Path) -> Path:
+    """Export the project as a pack, alone in a new folder: a game without its program, which templates would have."""
+    (project / "export_presets.cfg").write_text(PRESET)
+    folder.mkdir()
+    pack = folder / "game.pck"
+    godot(project, "--headless", "--export-pack", "pack", str(pack))
+    return pack
 
 
 def project_with(folder: Path, trees: list[Path], *settings: str) -> Path:
