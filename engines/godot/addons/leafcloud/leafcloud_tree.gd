@@ -92,6 +92,12 @@ static func numbers_of(part: Node) -> Dictionary:
 	return part.get_meta(SHADOW if part.has_meta(SHADOW) else META)
 
 
+## The viewport that shows a node: in the editor its first 3D view, because the edited scene has none.
+static func view_of(node: Node) -> Viewport:
+	# The editor's class is unknown in a game.
+	return Engine.get_singleton(&"EditorInterface").get_editor_viewport_3d(0) if Engine.is_editor_hint() else node.get_viewport()
+
+
 ## The factor on the file's distances for this view: levels keep their size in pixels.
 static func view_factor(viewport: Viewport) -> float:
 	var camera := viewport.get_camera_3d() if viewport else null
@@ -105,7 +111,7 @@ static func view_factor(viewport: Viewport) -> float:
 
 
 func _process(_delta: float) -> void:
-	var factor := lod_distance * view_factor(get_viewport()) * global_basis.x.length()
+	var factor := lod_distance * view_factor(view_of(self)) * global_basis.x.length()
 	if absf(factor - _measured) > 0.001 * factor:
 		_measured = factor
 		_set_ranges(factor)
