@@ -2,6 +2,9 @@
 extends RefCounted
 ## Mip levels for the leaves' own textures: in Godot's, thin leaves dissolve and take the color of transparent texels.
 
+## Image.convert rounds down.
+const HALF_A_CODE := 0.5 / 255.0
+
 
 ## The texture with mip levels in which alpha is the share of the texels that the cutoff leaves, and the color is the mean of
 ## these texels.
@@ -79,10 +82,11 @@ static func _divide_by_alpha(numbers: PackedFloat32Array, image: Image, level: i
 			else:
 				var row := mini(y / 2, next_size.y - 1)
 				var from := image.get_mipmap_offset(next) / 4 + 4 * (row * next_size.x + mini(x / 2, next_size.x - 1))
-				color = Color(numbers[from], numbers[from + 1], numbers[from + 2])
-			numbers[at] = color.r
-			numbers[at + 1] = color.g
-			numbers[at + 2] = color.b
+				color = Color(numbers[from] - HALF_A_CODE, numbers[from + 1] - HALF_A_CODE, numbers[from + 2] - HALF_A_CODE)
+			numbers[at] = color.r + HALF_A_CODE
+			numbers[at + 1] = color.g + HALF_A_CODE
+			numbers[at + 2] = color.b + HALF_A_CODE
+			numbers[at + 3] += HALF_A_CODE
 
 
 static func _size(image: Image, level: int) -> Vector2i:
