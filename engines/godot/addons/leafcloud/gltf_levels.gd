@@ -99,16 +99,13 @@ static func _add_shadow(
 	node.name = first.name.get_slice("_LOD", 0) + "_shadow"
 	node.transform = first.transform
 	node.mesh = ShadowProxy.with_trunk(proxy, first.mesh, numbers["trunk"])
-	var shadow := {
-		"chain": numbers["chain"],
-		"level": 0,
-		"last_level": levels.find(first),
-		"centre": numbers["centre"],
-		"fade_in": Vector2.ZERO,
-		"fade_out": numbers["fade_out"],
-		"trunk": proxy.get_surface_count(),
-		"wind": numbers.get("wind", {}),
-	}
+	var shadow := numbers.duplicate()
+	shadow["level"] = 0
+	shadow["last_level"] = levels.find(first)
+	shadow["fade_in"] = Vector2.ZERO
+	shadow["trunk"] = proxy.get_surface_count()
+	for name: String in ["transition_start", "transition_end", "prune_start"]:
+		shadow.erase(name)
 	node.set_meta(LeafcloudTree.SHADOW, shadow)
 	first.get_parent().add_child(node)
 	node.owner = first.owner
