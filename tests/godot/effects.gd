@@ -31,7 +31,7 @@ func _initialize() -> void:
 	var empty := PackedFloat32Array()
 	empty.resize(65)
 	var near: float = 2.6 * numbers["radius"]
-	for setting: Array in [["shares", empty], ["growth", Vector2.ZERO], ["prune_half", 0.5], ["prune_start", 0.25 * near]]:
+	for setting: Array in [["area_shares", empty], ["growth_numbers", Vector2.ZERO], ["prune_half", 0.5], ["prune_start", 0.25 * near]]:
 		material.set_shader_parameter(setting[0], setting[1])
 	var quarter := _covered(await _picture())
 	Stage.write(folder + "/effects.json", {

@@ -1,12 +1,15 @@
 extends SceneTree
-## Draws an imported tree and writes pictures and a table for the tests:
+## Draws an imported tree and writes pictures and tables for the tests:
 ##
 ##     godot --script views.gd -- FOLDER
 ##
 ## For each hand-over: the tree just before it (before_N.png), and the next level from the same place (after_N.png),
-## by a smaller LOD distance. For each level: the levels whose ranges hold at some distances (drawn.json).
+## by a smaller LOD distance. The tree a step before and a step after three distances (NAME_N_0.png and NAME_N_1.png):
+## begin and end of the cross-fade, and apart from it. For each level: the levels that draw a pixel at some distances
+## (drawn.json).
 
-const SHARES := [0.5, 0.9, 1.5, 2.0, 4.0]
+const SHARES := [0.5, 0.76, 1.15, 1.74, 2.64, 4.0]
+const STEP := 0.001
 
 const Stage := preload("stage.gd")
 
@@ -19,23 +22,28 @@ func _initialize() -> void:
 	Stage.light(root, Color(0.5, 0.5, 0.5), 1.0)
 	var camera := Stage.camera(root)
 	var levels: Array = LeafcloudTree.trees_of(tree)[0]
+	var scale: float = levels[0].global_basis.x.length()
 	var centre: Vector3 = levels[0].global_transform * LeafcloudTree.common_box(levels).get_center()
 	var drawn := []
 	for number in levels.size():
 		var level: Dictionary = levels[number].get_meta(LeafcloudTree.META)
 		for share: float in SHARES:
-			var near: float = 2.0 * level["radius"] * levels[0].global_basis.x.length()
+			var near: float = 2.0 * level["radius"] * scale
 			var distance: float = share * (level["switch_distance"] if number > 0 else near)
 			await _look(camera, centre, distance)
-			drawn.append({"distance": distance, "levels": _drawn(levels, distance)})
+			drawn.append({"distance": distance, "levels": await _drawn(levels)})
 		if number + 1 < levels.size():
-			var end: float = 0.999 * level["fade_out"].x
-			await _look(camera, centre, end)
+			var fade: Vector2 = level["fade_out"]
+			await _look(camera, centre, 0.999 * fade.x)
 			_save("%s/before_%d.png" % [folder, number])
 			tree.lod_distance = 1.0 / 1.3
-			await _look(camera, centre, end)
+			await _look(camera, centre, 0.999 * fade.x)
 			_save("%s/after_%d.png" % [folder, number])
 			tree.lod_distance = 1.0
+			for named: Array in [["begin", fade.x], ["end", fade.y], ["apart", 0.97 * fade.x]]:
+				for side in 2:
+					await _look(camera, centre, named[1] * (1.0 + STEP * (2 * side - 1)))
+					_save("%s/%s_%d_%d.png" % [folder, named[0], number, side])
 	Stage.write(folder + "/drawn.json", {"levels": levels.size(), "drawn": drawn})
 	quit()
 
@@ -52,11 +60,20 @@ func _save(path: String) -> void:
 	root.get_texture().get_image().save_png(path)
 
 
-func _drawn(levels: Array, distance: float) -> Array:
+## The levels that change the picture when they are shown alone.
+func _drawn(levels: Array) -> Array:
 	var found := []
+	var empty := await _pixels_with(levels, null)
 	for number in levels.size():
-		var part: MeshInstance3D = levels[number]
-		var end := part.visibility_range_end
-		if distance >= part.visibility_range_begin and (end == 0.0 or distance < end):
+		if await _pixels_with(levels, levels[number]) != empty:
 			found.append(number)
+	for part: Node3D in levels:
+		part.show()
 	return found
+
+
+func _pixels_with(levels: Array, shown: Node3D) -> PackedByteArray:
+	for part: Node3D in levels:
+		part.visible = part == shown
+	await Stage.drawn(self)
+	return root.get_texture().get_image().get_data()

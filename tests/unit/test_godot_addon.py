@@ -36,6 +36,15 @@ def test_the_importer_sets_only_uniforms_of_the_shader() -> None:
     assert uniforms - given - wind == set(), "uniforms that nobody sets"
 
 
+def test_no_uniform_shares_its_name_with_a_variable_of_the_laws() -> None:
+    """Godot 4.6 replaces such a variable by the uniform in Forward+ and Mobile, and the shader does not compile."""
+    uniforms = set(re.findall(r"^uniform \w+ (\w+)", (ADDON / "level.gdshaderinc").read_text(), re.MULTILINE))
+    code = re.sub(r"//.*", "", (ADDON / "leafcloud.gdshaderinc").read_text())
+    variables = set(re.findall(r"\b(?:bool|int|float|vec[234]|mat[34]|LcWind) (\w+)\b(?!\()", code))
+    assert {"transition", "growth", "shares", "centre"} <= variables
+    assert uniforms & variables == set()
+
+
 def test_every_number_of_the_wind_is_a_uniform() -> None:
     shader = (ADDON / "level.gdshaderinc").read_text()
     uniforms = set(re.findall(r"^uniform \w+ wind_(\w+)", shader, re.MULTILINE))

@@ -10,6 +10,8 @@ extends GLTFDocumentExtension
 const META := &"leafcloud"
 
 const LeafcloudTree := preload("leafcloud_tree.gd")
+const LeafTexture := preload("leaf_texture.gd")
+const ShadowProxy := preload("shadow_proxy.gd")
 
 ## By sides, then by light.
 const SHADERS := [
@@ -65,17 +67,49 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 
 
 func _import_post(state: GLTFState, root: Node) -> Error:
+	var proxies := ShadowProxy.meshes_beside(state)
 	for levels: Array in LeafcloudTree.chains_in(root.find_children("*", "", true, false)):
-		var own := _textures(levels[0])
+		var own := _leaf_textures(levels[0])
 		for number in levels.size():
 			var level: Dictionary = levels[number].get_meta(META)
 			var next: Dictionary = levels[number + 1].get_meta(META) if number + 1 < levels.size() else {}
 			level["fade_in"] = levels[number - 1].get_meta(META)["fade_out"] if number > 0 else Vector2.ZERO
 			level["fade_out"] = _fade(level, next)
 			levels[number].set_meta(META, level)
-			if levels[number] is ImporterMeshInstance3D:
-				_prepare(levels[number], own, state)
+		var name := state.get_nodes()[levels[0].get_meta(META)["chain"]].original_name.trim_suffix("_LOD0")
+		if proxies.has(name):
+			_add_shadow(levels, proxies[name], own, state)
+		for level: Node in levels:
+			if level is ImporterMeshInstance3D:
+				_prepare(level, level.get_meta(META), own, state)
 	return OK
+
+
+## Adds the proxy that casts the shadow of the levels up to the first one of billboards. Farther levels have as few
+## triangles themselves.
+static func _add_shadow(
+	levels: Array, proxy: ImporterMesh, own: Dictionary[Texture2D, Texture2D], state: GLTFState
+) -> void:
+	var clouds := levels.filter(func(level: Node) -> bool: return level.get_meta(META).has("max_deviation"))
+	if clouds.is_empty():
+		return
+	var first: ImporterMeshInstance3D = clouds[0]
+	var numbers: Dictionary = first.get_meta(META)
+	var node := ImporterMeshInstance3D.new()
+	node.name = first.name.get_slice("_LOD", 0) + "_shadow"
+	node.transform = first.transform
+	node.mesh = ShadowProxy.with_trunk(proxy, first.mesh, numbers["trunk"])
+	var shadow := numbers.duplicate()
+	shadow["level"] = 0
+	shadow["last_level"] = levels.find(first)
+	shadow["fade_in"] = Vector2.ZERO
+	shadow["trunk"] = proxy.get_surface_count()
+	for name: String in ["transition_start", "transition_end", "prune_start"]:
+		shadow.erase(name)
+	node.set_meta(LeafcloudTree.SHADOW, shadow)
+	first.get_parent().add_child(node)
+	node.owner = first.owner
+	_prepare(node, shadow, own, state)
 
 
 ## The distances at which the next level begins to appear and at which this one is gone; never for the last one.
@@ -89,19 +123,25 @@ static func _fade(level: Dictionary, next: Dictionary) -> Vector2:
 	return Vector2(next["switch_distance"], 1.25 * next["switch_distance"])
 
 
-## The textures of the leaves themselves.
-static func _textures(leaves: Node) -> Array[Texture2D]:
-	var found: Array[Texture2D] = []
+## The base textures of the leaves themselves that are cut out, each with the texture that is drawn.
+static func _leaf_textures(leaves: Node) -> Dictionary[Texture2D, Texture2D]:
+	var found: Dictionary[Texture2D, Texture2D] = {}
 	if leaves is ImporterMeshInstance3D:
 		for i in leaves.mesh.get_surface_count():
 			var material := leaves.mesh.get_surface_material(i) as BaseMaterial3D
-			if material != null and material.albedo_texture != null:
-				found.append(material.albedo_texture)
+			if material != null and material.albedo_texture != null and _is_cut(material):
+				found[material.albedo_texture] = LeafTexture.with_mips(material.albedo_texture, material.alpha_scissor_threshold)
 	return found
 
 
-## Makes the mesh of a level, its leaves and its trunk, follow the camera. `own`: the leaves' own textures.
-static func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D], state: GLTFState) -> void:
+static func _is_cut(material: BaseMaterial3D) -> bool:
+	return material.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR
+
+
+## Makes the mesh of a level, its leaves and its trunk, follow the camera. `own`: see _leaf_textures.
+static func _prepare(
+	node: ImporterMeshInstance3D, level: Dictionary, own: Dictionary[Texture2D, Texture2D], state: GLTFState
+) -> void:
 	var old := node.mesh
 	var mesh := ImporterMesh.new()
 	for i in old.get_surface_count():
@@ -113,9 +153,9 @@ static func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D], state:
 			format |= TARGET_FORMAT
 		var material := _material(old.get_surface_material(i), own)
 		if material is ShaderMaterial:
-			var has_leaves: bool = i < node.get_meta(META)["trunk"]
+			var has_leaves: bool = i < level["trunk"]
 			var has_pivots: bool = arrays[Mesh.ARRAY_CUSTOM0] != null
-			_set_laws(material, node, has_leaves, has_pivots)
+			_set_laws(material, level, node.transform.basis.x.length(), has_leaves, has_pivots)
 			_set_all(material, _unread(state, material.resource_name))
 		mesh.add_surface(old.get_surface_primitive_type(i), arrays, [], {}, material, old.get_surface_name(i), format)
 	mesh.resource_name = old.resource_name
@@ -123,7 +163,7 @@ static func _prepare(node: ImporterMeshInstance3D, own: Array[Texture2D], state:
 
 
 ## The shader with the numbers and textures of a material. Blended materials stay: shaders that discard cannot blend.
-static func _material(from: Material, own: Array[Texture2D]) -> Material:
+static func _material(from: Material, own: Dictionary[Texture2D, Texture2D]) -> Material:
 	var plain := from as BaseMaterial3D
 	if plain == null or plain.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA:
 		return from
@@ -131,12 +171,11 @@ static func _material(from: Material, own: Array[Texture2D]) -> Material:
 	made.resource_name = plain.resource_name
 	var sides := 1 if plain.cull_mode == BaseMaterial3D.CULL_DISABLED else 0
 	made.shader = SHADERS[sides][1 if plain.shading_mode == BaseMaterial3D.SHADING_MODE_UNSHADED else 0]
-	var cut := plain.transparency == BaseMaterial3D.TRANSPARENCY_ALPHA_SCISSOR
 	_set_all(made, {
-		"base_texture": plain.albedo_texture,
+		"base_texture": own.get(plain.albedo_texture, plain.albedo_texture),
 		"base_color": plain.albedo_color,
-		"alpha_cutoff": plain.alpha_scissor_threshold if cut else 0.0,
-		"uses_mips": not (cut and own.has(plain.albedo_texture)),
+		"alpha_cutoff": plain.alpha_scissor_threshold if _is_cut(plain) else 0.0,
+		"alpha_is_share": _is_cut(plain) and own.has(plain.albedo_texture),
 		"normal_texture": plain.normal_texture if plain.normal_enabled else null,
 		"normal_scale": plain.normal_scale if plain.normal_enabled else 0.0,
 		"roughness_texture": plain.roughness_texture,
@@ -170,11 +209,11 @@ static func _texture(state: GLTFState, info: Dictionary) -> Texture2D:
 
 
 ## Sets the numbers of the laws: distances in units of the mesh, because the shader divides by its scale.
-static func _set_laws(material: ShaderMaterial, node: Node3D, has_leaves: bool, has_pivots: bool) -> void:
-	var level: Dictionary = node.get_meta(META)
-	var scale := node.transform.basis.x.length()
+static func _set_laws(
+	material: ShaderMaterial, level: Dictionary, scale: float, has_leaves: bool, has_pivots: bool
+) -> void:
 	_set_all(material, {
-		"centre": _vector(level["centre"]),
+		"crown_centre": _vector(level["centre"]),
 		"fade_in": level["fade_in"] / scale,
 		"fade_out": level["fade_out"] / scale,
 		"is_first": level["level"] == 0,
@@ -184,15 +223,15 @@ static func _set_laws(material: ShaderMaterial, node: Node3D, has_leaves: bool, 
 	})
 	if has_leaves and level.has("transition_end"):
 		var transition := Vector2(level["transition_start"], level["transition_end"])
-		_set_all(material, {"transition": transition / scale})
+		_set_all(material, {"transition_range": transition / scale})
 	if has_leaves and level.has("prune_start"):
 		_set_all(material, {
 			"prune_start": level["prune_start"] / scale,
 			"prune_half": level.get("prune_half", 0.5),
-			"growth": _pair(level.get("growth", [0, 0])),
-			"contrast": _pair(level.get("contrast", [0, 0])),
+			"growth_numbers": _pair(level.get("growth", [0, 0])),
+			"contrast_numbers": _pair(level.get("contrast", [0, 0])),
 			"mean_color": _vector(level.get("mean_color", [0, 0, 0])),
-			"shares": PackedFloat32Array(level["shares"]) if level.has("shares") else null,
+			"area_shares": PackedFloat32Array(level["shares"]) if level.has("shares") else null,
 		})
 	for name: String in level.get("wind", {}):
 		var value: Variant = level["wind"][name]

@@ -1,3 +1,4 @@
+@tool
 class_name LeafcloudForest
 extends Node3D
 ## Many copies of one tree, each with the level for its own distance from the camera: one MultiMesh for each level.
@@ -8,11 +9,17 @@ extends Node3D
 const Levels := preload("leafcloud_tree.gd")
 
 ## A scene that was imported from a GLB file of Leafcloud. Of several trees in it, each place has all.
-@export var tree: PackedScene
+@export var tree: PackedScene:
+	set(value):
+		tree = value
+		_rebuild()
 
 ## The place of each copy, in the coordinates of this node. Copies may turn, and scale by the same factor in all
 ## directions.
-@export var places: Array[Transform3D] = []
+@export var places: Array[Transform3D] = []:
+	set(value):
+		places = value
+		_rebuild()
 
 ## Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
 @export_range(0.1, 10.0, 0.01, "or_greater") var lod_distance := 1.0
@@ -20,28 +27,32 @@ const Levels := preload("leafcloud_tree.gd")
 ## The camera may move by this share of the shortest hand-over distance before trees are sorted again.
 const PATIENCE := 0.02
 
-## One entry a level: its numbers in the file, the center of its leaves in the tree, its place in the tree, and its drawing.
+## One entry a level or shadow proxy: its numbers in the file, the center of its leaves in the tree, its place in the tree, and its drawing.
 var _levels: Array[Dictionary] = []
 var _sorted_from := Vector3.ZERO
 var _factor := 0.0
 
 
 func _ready() -> void:
-	if tree != null:
-		plant(places)
+	_rebuild()
 
 
 ## Replaces all copies.
 func plant(new_places: Array[Transform3D]) -> void:
 	places = new_places
+
+
+func _rebuild() -> void:
 	_clear()
+	if tree == null or not is_node_ready():
+		return
 	var source: Node3D = tree.instantiate()
 	for levels in Levels.trees_of(source):
 		var box := Levels.common_box(levels)
-		for part: MeshInstance3D in levels:
+		for part in Levels.parts_of(levels):
 			var offset := part.transform
 			_levels.append({
-				"numbers": part.get_meta(Levels.META),
+				"numbers": Levels.numbers_of(part),
 				"centre": offset * box.get_center(),
 				"offset": offset,
 				"drawing": _drawing(part, offset * box),
@@ -50,10 +61,11 @@ func plant(new_places: Array[Transform3D]) -> void:
 
 
 func _process(_delta: float) -> void:
-	var camera := get_viewport().get_camera_3d()
+	var view := Levels.view_of(self)
+	var camera := view.get_camera_3d()
 	if camera == null or _levels.is_empty():
 		return
-	var factor := lod_distance * Levels.view_factor(get_viewport())
+	var factor := lod_distance * Levels.view_factor(view)
 	var eye := to_local(camera.global_position)
 	var ends := _levels.map(func(level: Dictionary) -> float: return level["numbers"]["fade_out"].x)
 	var patience: float = PATIENCE * ends.min() * factor * _least_scale()

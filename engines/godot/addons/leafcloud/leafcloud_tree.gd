@@ -6,6 +6,9 @@ extends Node3D
 
 const META := &"leafcloud"
 
+## Metadata of a shadow proxy: numbers as of a level, and in "last_level" the farthest level that it stands for.
+const SHADOW := &"leafcloud_shadow"
+
 ## The field of view in radians and the height in pixels that the distances in the file are for.
 const FILE_VIEW := Vector2(deg_to_rad(50.0), 1080.0)
 
@@ -45,8 +48,12 @@ static func load_glb(path: String) -> LeafcloudTree:
 static func adopt(scene: Node) -> void:
 	var trees := trees_of(scene)
 	for levels in trees:
-		for part: MeshInstance3D in levels:
+		for part in parts_of(levels):
 			part.lod_bias = MOST_DETAIL
+			if part.has_meta(SHADOW):
+				part.cast_shadow = GeometryInstance3D.SHADOW_CASTING_SETTING_SHADOWS_ONLY
+				for number: int in part.get_meta(SHADOW)["last_level"] + 1:
+					levels[number].cast_shadow = GeometryInstance3D.SHADOW_CASTING_SETTING_OFF
 	if not trees.is_empty():
 		scene.set_script(LeafcloudTree)
 
@@ -70,6 +77,27 @@ static func trees_of(root: Node) -> Array[Array]:
 	return chains_in(root.find_children("*", "MeshInstance3D", true, false))
 
 
+## All that is drawn of a tree: its levels, and its shadow proxy if it has one.
+static func parts_of(levels: Array) -> Array[MeshInstance3D]:
+	var parts: Array[MeshInstance3D] = []
+	parts.assign(levels)
+	for node in levels[0].get_parent().get_children():
+		if node.has_meta(SHADOW) and node.get_meta(SHADOW)["chain"] == levels[0].get_meta(META)["chain"]:
+			parts.append(node)
+	return parts
+
+
+## The numbers of a level or of a shadow proxy.
+static func numbers_of(part: Node) -> Dictionary:
+	return part.get_meta(SHADOW if part.has_meta(SHADOW) else META)
+
+
+## The viewport that shows a node: in the editor its first 3D view, because the edited scene has none.
+static func view_of(node: Node) -> Viewport:
+	# The editor's class is unknown in a game.
+	return Engine.get_singleton(&"EditorInterface").get_editor_viewport_3d(0) if Engine.is_editor_hint() else node.get_viewport()
+
+
 ## The factor on the file's distances for this view: levels keep their size in pixels.
 static func view_factor(viewport: Viewport) -> float:
 	var camera := viewport.get_camera_3d() if viewport else null
@@ -83,7 +111,7 @@ static func view_factor(viewport: Viewport) -> float:
 
 
 func _process(_delta: float) -> void:
-	var factor := lod_distance * view_factor(get_viewport()) * global_basis.x.length()
+	var factor := lod_distance * view_factor(view_of(self)) * global_basis.x.length()
 	if absf(factor - _measured) > 0.001 * factor:
 		_measured = factor
 		_set_ranges(factor)
@@ -92,8 +120,8 @@ func _process(_delta: float) -> void:
 func _set_ranges(factor: float) -> void:
 	for levels in trees_of(self):
 		var box := common_box(levels)
-		for part: MeshInstance3D in levels:
-			var level: Dictionary = part.get_meta(META)
+		for part in parts_of(levels):
+			var level := numbers_of(part)
 			# Godot measures from the middle of the box, so all levels have the same one.
 			part.custom_aabb = box
 			part.visibility_range_begin = level["fade_in"].x * factor
