@@ -126,7 +126,7 @@ def test_each_distance_has_its_level(baked: Baked, tmp_path: Path) -> None:
 
 
 def test_leaves_slide_with_the_distance(baked: Baked, tmp_path: Path) -> None:
-    wanted = {}
+    wanted: dict[tuple[int, float], float] = {}
     for number, level in enumerate(baked.levels):
         extras = level.extras["leafcloud"]
         if "transition_end" in extras:
