@@ -55,8 +55,6 @@ pub struct Part {
     pub mesh: Handle<Mesh>,
     /// Material of the part.
     pub material: Handle<StandardMaterial>,
-    /// Whether the part is of leaves or billboards; the trunk does not slide.
-    pub is_leaves: bool,
     /// Numbers of the material that Bevy's loader does not read.
     pub(crate) light: Light,
 }
@@ -92,11 +90,6 @@ impl NodeNumbers {
     fn transition(&self) -> Option<Range<f32>> {
         Some(self.transition_start?..self.transition_end?)
     }
-}
-
-#[derive(Deserialize)]
-struct MeshNumbers {
-    first_trunk_primitive: Option<usize>,
 }
 
 #[derive(Deserialize)]
@@ -171,8 +164,6 @@ fn levels_of(chain: &[usize], document: &gltf::Document, context: &mut LoadConte
 }
 
 fn parts_of(mesh: &gltf::Mesh<'_>, context: &mut LoadContext<'_>) -> Vec<Part> {
-    let numbers: Option<MeshNumbers> = numbers_in(mesh.extras().as_deref());
-    let first_trunk = numbers.and_then(|numbers| numbers.first_trunk_primitive).unwrap_or(usize::MAX);
     let parts = mesh.primitives().map(|primitive| {
         let label = GltfAssetLabel::Primitive { mesh: mesh.index(), primitive: primitive.index() };
         let material = primitive.material();
@@ -184,7 +175,6 @@ fn parts_of(mesh: &gltf::Mesh<'_>, context: &mut LoadContext<'_>) -> Vec<Part> {
             mesh: context.get_label_handle(label.to_string()),
             // The label under which bevy_pbr adds the material for drawing.
             material: context.get_label_handle(format!("{name}/std")),
-            is_leaves: primitive.index() < first_trunk,
             light: light_of(&material),
         }
     });

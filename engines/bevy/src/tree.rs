@@ -5,6 +5,7 @@ use std::ops::Range;
 use bevy::asset::AssetPath;
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::{NoAutoAabb, VisibilityRange};
+use bevy::ecs::query::QueryData;
 use bevy::mesh::morph::MeshMorphWeights;
 use bevy::prelude::*;
 
@@ -76,7 +77,8 @@ pub(crate) fn plant(
             for level in file.trees.get(tree.number).into_iter().flatten() {
                 for part in &level.parts {
                     let mut child = parent.spawn(drawn(level, part));
-                    if part.is_leaves && level.transition.is_some() {
+                    if level.transition.is_some() {
+                        // Also the trunk's, whose mesh has a target with all corners in place.
                         child.insert(MeshMorphWeights::Value { weights: vec![0.0] });
                     }
                 }
@@ -104,11 +106,22 @@ fn drawn(level: &Level, part: &Part) -> impl Bundle {
     )
 }
 
+/// A part of a level, as [`follow`] sees it.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub(crate) struct Follower {
+    part: &'static LevelPart,
+    place: &'static GlobalTransform,
+    visibility: &'static mut VisibilityRange,
+    bounds: &'static mut Aabb,
+    morph: Option<&'static mut MeshMorphWeights>,
+}
+
 /// Sets visibility ranges and morph weights for the first active camera.
 pub(crate) fn follow(
     cameras: Query<(&Camera, &Projection, &GlobalTransform), With<Camera3d>>,
     trees: Query<(&LeafcloudTree, &GlobalTransform, &Children), With<Planted>>,
-    mut parts: Query<(&LevelPart, &GlobalTransform, &mut VisibilityRange, Option<&mut MeshMorphWeights>)>,
+    mut parts: Query<Follower>,
 ) {
     let active = cameras.iter().filter(|(camera, ..)| camera.is_active);
     let Some((camera, projection, eye)) = active.min_by_key(|(camera, ..)| camera.order) else {
@@ -117,21 +130,18 @@ pub(crate) fn follow(
     let of_view = factor_of(camera, projection);
     for (tree, place, children) in &trees {
         let factor = stepped(of_view * tree.lod_distance * scale_of(place));
-        let mut children = parts.iter_many_mut(children);
-        while let Some((part, place, mut visibility, morph)) = children.fetch_next() {
-            visibility.set_if_neq(part.visibility(factor));
-            let distance = eye.translation().distance(place.translation()) / factor;
-            if let (Some(transition), Some(morph)) = (&part.transition, morph) {
-                set_weight(morph, transition_at(distance, transition));
+        let mut followers = parts.iter_many_mut(children);
+        while let Some(mut follower) = followers.fetch_next() {
+            follower.visibility.set_if_neq(follower.part.visibility(factor));
+            let distance = eye.translation().distance(follower.place.translation()) / factor;
+            let is_drawn = (follower.part.fade_in.start..follower.part.fade_out.end).contains(&distance);
+            if let (Some(transition), Some(morph), true) = (&follower.part.transition, &mut follower.morph, is_drawn) {
+                **morph = MeshMorphWeights::Value { weights: vec![transition_at(distance, transition)] };
+                // Bevy 0.19 prepares a mesh that comes into view before its morph targets, and looks at it again only after a change:
+                // without one the leaves would never slide.
+                follower.bounds.set_changed();
             }
         }
-    }
-}
-
-/// Writes only changes: Bevy looks again at all that is written.
-fn set_weight(mut morph: Mut<MeshMorphWeights>, wanted: f32) {
-    if !matches!(&*morph, MeshMorphWeights::Value { weights } if weights[..] == [wanted]) {
-        *morph = MeshMorphWeights::Value { weights: vec![wanted] };
     }
 }
 
