@@ -7,6 +7,7 @@ import math
 import os
 import shlex
 import shutil
+import struct
 import subprocess
 import sys
 from dataclasses import asdict, dataclass
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from engine_views import drawn_levels, hand_overs, levels_of, sphere_of
-from glb import Node
+from glb import Node, read_chunks
 from laws import Floats
 from numpy.typing import NDArray
 from PIL import Image
@@ -138,17 +139,20 @@ def test_leaves_slide_with_the_distance(baked: Baked, tmp_path: Path) -> None:
         assert drawn[f"{number, a}"]["weights"][str(number)] == pytest.approx(a, abs=1e-3)
 
 
+# This lens shows the tree larger than the levels are made for, so that all of them differ.
+LENS: dict[str, Any] = {"pixels": 512, "field_of_view": 10.0}
+ZOOM = 512.0 / 1080.0 * math.tan(math.radians(25.0)) / math.tan(math.radians(5.0))
+
+
 def test_a_level_looks_like_its_own_file(baked: Baked, tmp_path: Path) -> None:
-    """Bevy draws the files of single levels as its own scenes. That of the level looks most like the level."""
+    """Bevy draws the files of single levels as its own scenes, without the plugin."""
+    distances = [0.5 * baked.ends[0], *(1.3 * end for end in baked.ends)]
     files = [baked.file.with_name(f"{baked.file.stem}_LOD{number}.glb") for number in range(len(baked.levels))]
-    # The lens shows the tree larger than the levels are made for, so that all of them differ.
-    lens: dict[str, Any] = {"pixels": 512, "field_of_view": 10.0}
-    zoom = 512.0 / 1080.0 * math.tan(math.radians(25.0)) / math.tan(math.radians(5.0))
     shots = []
-    for number, distance in enumerate([0.5 * baked.ends[0], *(1.3 * end for end in baked.ends)]):
-        shots.append(baked.shot(f"{number}", distance, lod_distance=1.0 / zoom, **lens))
+    for number, distance in enumerate(distances):
+        shots.append(baked.shot(f"{number}", distance, lod_distance=1.0 / ZOOM, **LENS))
         for other, file in enumerate(files):
-            shots.append(baked.shot(f"{number}_{other}", distance, file=str(file), is_plain=True, **lens))
+            shots.append(baked.shot(f"{number}_{other}", distance, file=str(file), is_plain=True, **LENS))
     drawn = draw(tmp_path, shots)
     for number in range(len(files)):
         assert drawn[f"{number}"]["levels"] == [number]
@@ -158,6 +162,55 @@ def test_a_level_looks_like_its_own_file(baked: Baked, tmp_path: Path) -> None:
         print(f"level {number}: difference from the file of each level {np.round(apart, 5)}")
         own = apart.pop(number)
         assert own < 0.5 * min(apart)
+
+
+def test_leaves_are_drawn_where_they_have_slid_to(baked: Baked, tmp_path: Path) -> None:
+    """Bevy draws, as its own scenes, a copy of the level's file with moved leaves, and the file with leaves at rest."""
+    shots = []
+    sliding = [number for number, slides in enumerate(baked.slides) if slides]
+    for number in sliding:
+        extras = baked.levels[number].extras["leafcloud"]
+        start, end = extras["transition_start"], extras["transition_end"]
+        distance = start + 0.9 * (end - start)
+        own = baked.file.with_name(f"{baked.file.stem}_LOD{number}.glb")
+        moved = tmp_path / f"moved_{number}.glb"
+        write_moved(own, moved, 0.9)
+        shots.append(baked.shot(f"{number}", distance, lod_distance=1.0 / ZOOM, **LENS))
+        shots += [
+            baked.shot(f"{number}_{name}", distance, file=str(file), is_plain=True, **LENS)
+            for name, file in (("own", own), ("moved", moved))
+        ]
+    draw(tmp_path, shots)
+    assert sliding
+    for number in sliding:
+        picture = colors(tmp_path / f"{number}.png")
+        moved_apart, own_apart = (
+            float(np.abs(picture - colors(tmp_path / f"{number}_{name}.png")).mean()) for name in ("moved", "own")
+        )
+        print(f"level {number}: {moved_apart:.5f} from leaves that were moved, {own_apart:.5f} from those at rest")
+        assert moved_apart < 0.3 * own_apart
+
+
+def write_moved(file: Path, moved: Path, a: float) -> None:
+    """Write a copy of a file with one level: leaves are a of the way to their morph target, and have none."""
+    document, chunk = read_chunks(file)
+    data = bytearray(chunk)
+
+    def numbers(index: int) -> NDArray[np.float32]:
+        accessor = document["accessors"][index]
+        start = document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        return np.frombuffer(data, np.float32, 3 * accessor["count"], start)
+
+    for mesh in document["meshes"]:
+        mesh.pop("weights", None)
+        for primitive in mesh["primitives"]:
+            places = numbers(primitive["attributes"]["POSITION"])
+            places += np.float32(a) * numbers(primitive.pop("targets")[0]["POSITION"])
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data))
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    moved.write_bytes(header + chunks)
 
 
 def test_a_level_covers_as_much_as_the_one_before_it(baked: Baked, tmp_path: Path) -> None:
