@@ -230,6 +230,20 @@ test-godot: setup .venv/.test ## import baked trees into a real Godot: make test
 	@test -n "$$GODOT" || { echo "leafcloud: make test-godot needs GODOT, the command of a Godot 4.6; Debian sid has the package godot" >&2; exit 1; }
 	.venv/bin/python -m pytest tests/godot --capture=no $(ARGS)
 
+# Bevy takes some minutes to build. Pictures are drawn by Mesa's software Vulkan if there is one, else by the graphics card.
+BEVY_TARGET = $(CURDIR)/target/bevy
+BEVY_CARGO = CARGO_TARGET_DIR=$(BEVY_TARGET) cargo
+SOFTWARE_VULKAN = $(firstword $(wildcard /usr/share/vulkan/icd.d/lvp_icd*.json))
+
+.PHONY: test-bevy
+test-bevy: setup .venv/.test ## build the plugin for Bevy, and draw baked trees with it
+	cd engines/bevy && cargo fmt --check
+	cd engines/bevy && $(BEVY_CARGO) clippy --locked --all-targets -- --deny warnings
+	cd engines/bevy && $(BEVY_CARGO) test --locked
+	cd engines/bevy && $(BEVY_CARGO) build --locked --example pictures
+	$(if $(SOFTWARE_VULKAN),VK_DRIVER_FILES=$(SOFTWARE_VULKAN)) BEVY_PICTURES=$(BEVY_TARGET)/debug/examples/pictures \
+		.venv/bin/python -m pytest tests/bevy --capture=no $(ARGS)
+
 .PHONY: docs-godot
 docs-godot: test-godot ## make the picture of docs/engines.md
 	@mkdir -p docs/engines

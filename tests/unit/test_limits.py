@@ -122,9 +122,11 @@ def test_settings_cannot_be_changed() -> None:
     [
         ("shaders/leafcloud.glsl", "LC_RAMP", leafcloud.RAMP),
         ("engines/three/src/laws.js", "HAND_OVER", leafcloud.HAND_OVER),
+        ("engines/bevy/src/laws.rs", "HAND_OVER", leafcloud.HAND_OVER),
     ],
 )
 def test_shaders_have_the_constants_of_the_core(file: str, constant: str, value: float) -> None:
-    """Shaders and the viewer run without the wheel, so they have copies."""
+    """Shaders and packages for engines run without the wheel, so they have copies."""
     text = (ROOT / file).read_text(encoding="utf-8")
-    assert [float(found) for found in re.findall(rf"const (?:float )?{constant} = ([\d.]+);", text)] == [value]
+    found = re.findall(rf"const (?:float )?{constant}(?:: f32)? = ([\d.]+);", text)
+    assert [float(number) for number in found] == [value]

@@ -1,0 +1,95 @@
+//! Makes the meshes, materials and images of a loaded file ready for drawing, once a file.
+
+use std::collections::HashSet;
+
+use bevy::camera::primitives::MeshAabb;
+use bevy::prelude::*;
+
+use crate::file::{LeafcloudFile, Level, Light};
+use crate::mips::add_mips;
+
+pub(crate) fn make_ready(
+    mut events: MessageReader<AssetEvent<LeafcloudFile>>,
+    mut files: ResMut<Assets<LeafcloudFile>>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+    mut images: ResMut<Assets<Image>>,
+) {
+    for event in events.read() {
+        let AssetEvent::LoadedWithDependencies { id } = event else {
+            continue;
+        };
+        let Some(mut file) = files.get_mut(*id) else {
+            continue;
+        };
+        for levels in &mut file.trees {
+            centre_meshes(levels, &mut meshes);
+            add_light(levels, &mut materials);
+            add_mips_of(levels, &materials, &mut images);
+        }
+        file.is_ready = true;
+    }
+}
+
+/// Replaces the meshes by meshes around the center of the leaves: Bevy measures the distance of a fading mesh from its origin.
+fn centre_meshes(levels: &mut [Level], meshes: &mut Assets<Mesh>) {
+    let mut half_box = Vec3::ZERO;
+    for level in levels.iter_mut() {
+        for part in &mut level.parts {
+            let Some(read) = meshes.get(&part.mesh) else {
+                continue;
+            };
+            let centred = read.clone().translated_by(-level.centre);
+            if let Some(bounds) = centred.compute_aabb() {
+                half_box = half_box.max(Vec3::from(bounds.min().abs())).max(Vec3::from(bounds.max().abs()));
+            }
+            part.mesh = meshes.add(centred);
+        }
+    }
+    for level in levels {
+        level.half_box = half_box;
+    }
+}
+
+fn add_light(levels: &[Level], materials: &mut Assets<StandardMaterial>) {
+    let mut seen = HashSet::new();
+    for part in levels.iter().flat_map(|level| &level.parts) {
+        if part.light == Light::PLAIN || !seen.insert(part.material.id()) {
+            continue;
+        }
+        if let Some(mut material) = materials.get_mut(&part.material) {
+            material.diffuse_transmission = part.light.through;
+            let color = material.base_color.to_linear();
+            material.base_color = (color * part.light.strength).with_alpha(color.alpha).into();
+        }
+    }
+}
+
+/// Gives the images mip levels, except cutouts of the leaves themselves, which mip levels would thin out.
+fn add_mips_of(levels: &[Level], materials: &Assets<StandardMaterial>, images: &mut Assets<Image>) {
+    let materials_of = |level: &Level| -> Vec<&StandardMaterial> {
+        level.parts.iter().filter_map(|part| materials.get(&part.material)).collect()
+    };
+    let own = levels.iter().take(1).flat_map(materials_of);
+    let cutouts: HashSet<_> = own
+        .filter(|material| material.alpha_mode != AlphaMode::Opaque)
+        .filter_map(|material| material.base_color_texture.clone())
+        .collect();
+    for image in levels.iter().flat_map(materials_of).flat_map(images_of).filter(|image| !cutouts.contains(image)) {
+        if let Some(mut image) = images.get_mut(image) {
+            add_mips(&mut image);
+        }
+    }
+}
+
+fn images_of(material: &StandardMaterial) -> impl Iterator<Item = &Handle<Image>> {
+    [
+        &material.base_color_texture,
+        &material.normal_map_texture,
+        &material.metallic_roughness_texture,
+        &material.occlusion_texture,
+        &material.emissive_texture,
+    ]
+    .into_iter()
+    .flatten()
+}

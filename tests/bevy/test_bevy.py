@@ -1,0 +1,292 @@
+"""A GLB file in Bevy switches its levels by itself. Needs Vulkan and the example of engines/bevy (BEVY_PICTURES)."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shlex
+import shutil
+import struct
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from engine_views import drawn_levels, hand_overs, levels_of, sphere_of
+from glb import Node, read_chunks
+from laws import Floats
+from numpy.typing import NDArray
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+SHRUB = ROOT / "examples" / "shrub.glb"
+MEASURED = ROOT.parent / "shared" / "foliage" / "pine_cards_20k.glb"
+PROGRAM = shlex.split(os.environ.get("BEVY_PICTURES", ""))
+
+pytestmark = [
+    pytest.mark.skipif(not PROGRAM, reason="needs the environment variable BEVY_PICTURES, which make test-bevy sets"),
+    pytest.mark.long,
+]
+
+SHARES = (0.5, 0.9, 1.5, 2.0, 4.0)
+"""Distances of the pictures over those of the hand-overs."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture, as the example draws it."""
+
+    name: str
+    file: str
+    centre: tuple[float, ...]
+    distance: float
+    is_plain: bool = False
+    tree: int = 0
+    lod_distance: float = 1.0
+    scale: float = 1.0
+    turn: float = 0.0
+    position: tuple[float, ...] = (0.0, 0.0, 0.0)
+    field_of_view: float = 50.0
+    pixels: int = 1080
+
+
+@dataclass(frozen=True)
+class Baked:
+    """A file with all levels of one tree."""
+
+    file: Path
+    levels: list[Node]
+
+    @property
+    def centre(self) -> Floats:
+        return sphere_of(self.levels[0])[0]
+
+    @property
+    def ends(self) -> list[float]:
+        return hand_overs(self.levels)
+
+    @property
+    def slides(self) -> list[bool]:
+        return ["transition_end" in level.extras["leafcloud"] for level in self.levels]
+
+    def shot(self, name: str, distance: float, **settings: Any) -> Shot:
+        centre = settings.pop("centre", self.centre)
+        return Shot(name, settings.pop("file", str(self.file)), tuple(centre), distance, **settings)
+
+    def drawn(self, distance: float) -> list[int]:
+        return drawn_levels(distance, self.ends, self.slides)
+
+
+def bake(folder: Path, trees: list[Path], *settings: str) -> Path:
+    """Bake trees for Bevy. Return the file with all levels."""
+    command = [sys.executable, str(ROOT / "bake.py"), "--input", *map(str, trees), "--out", str(folder)]
+    subprocess.run([*command, "--engine", "bevy", *settings], check=True, capture_output=True, timeout=240)
+    return folder / f"{'_'.join(tree.stem for tree in trees)}.glb"
+
+
+def draw(folder: Path, shots: list[Shot]) -> dict[str, dict[str, Any]]:
+    """Draw the shots into the folder. Return for each name the levels drawn, and the weights of morph targets."""
+    folder.mkdir(exist_ok=True)
+    (folder / "shots.json").write_text(json.dumps([asdict(shot) for shot in shots]))
+    command = [*PROGRAM, str(folder / "shots.json"), str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=280)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    assert "ERROR" not in done.stdout, done.stdout
+    drawn: dict[str, dict[str, Any]] = json.loads((folder / "drawn.json").read_text())
+    return drawn
+
+
+def colors(path: Path) -> Floats:
+    """Return the pixels (h, w, 3) in [0, 1]."""
+    return np.asarray(Image.open(path).convert("RGB"), np.float64) / 255.0
+
+
+def seen(picture: Floats) -> NDArray[np.bool_]:
+    """Return where (h, w) the picture differs from the background in its corner."""
+    return np.abs(picture - picture[0, 0]).max(axis=-1) > 0.02
+
+
+@pytest.fixture(scope="module")
+def baked(tmp_path_factory: pytest.TempPathFactory) -> Baked:
+    tree = MEASURED if MEASURED.is_file() else SHRUB
+    file = bake(tmp_path_factory.mktemp("bevy"), [tree])
+    return Baked(file, levels_of(file))
+
+
+def test_each_distance_has_its_level(baked: Baked, tmp_path: Path) -> None:
+    distances = {f"{number}_{share}": share * end for number, end in enumerate(baked.ends) for share in SHARES}
+    drawn = draw(tmp_path, [baked.shot(name, distance) for name, distance in distances.items()])
+    for name, distance in distances.items():
+        assert sorted(drawn[name]["levels"]) == baked.drawn(distance), name
+        assert seen(colors(tmp_path / f"{name}.png")).any(), name
+    assert {tuple(found["levels"]) for found in drawn.values()} >= {(n,) for n in range(len(baked.levels))}
+
+
+def test_leaves_slide_with_the_distance(baked: Baked, tmp_path: Path) -> None:
+    wanted: dict[tuple[int, float], float] = {}
+    for number, level in enumerate(baked.levels):
+        extras = level.extras["leafcloud"]
+        if "transition_end" in extras:
+            start, length = extras["transition_start"], extras["transition_end"] - extras["transition_start"]
+            wanted |= {(number, a): start + a * length for a in (0.0, 0.25, 0.5, 0.9)}
+    drawn = draw(tmp_path, [baked.shot(f"{key}", distance) for key, distance in wanted.items()])
+    assert wanted
+    for number, a in wanted:
+        assert drawn[f"{number, a}"]["weights"][str(number)] == pytest.approx(a, abs=1e-3)
+
+
+# This lens shows the tree larger than the levels are made for, so that all of them differ.
+LENS: dict[str, Any] = {"pixels": 512, "field_of_view": 10.0}
+ZOOM = 512.0 / 1080.0 * math.tan(math.radians(25.0)) / math.tan(math.radians(5.0))
+
+
+def test_a_level_looks_like_its_own_file(baked: Baked, tmp_path: Path) -> None:
+    """Bevy draws the files of single levels as its own scenes, without the plugin."""
+    distances = [0.5 * baked.ends[0], *(1.3 * end for end in baked.ends)]
+    files = [baked.file.with_name(f"{baked.file.stem}_LOD{number}.glb") for number in range(len(baked.levels))]
+    shots = []
+    for number, distance in enumerate(distances):
+        shots.append(baked.shot(f"{number}", distance, lod_distance=1.0 / ZOOM, **LENS))
+        for other, file in enumerate(files):
+            shots.append(baked.shot(f"{number}_{other}", distance, file=str(file), is_plain=True, **LENS))
+    drawn = draw(tmp_path, shots)
+    for number in range(len(files)):
+        assert drawn[f"{number}"]["levels"] == [number]
+        picture = colors(tmp_path / f"{number}.png")
+        plain = [colors(tmp_path / f"{number}_{other}.png") for other in range(len(files))]
+        apart = [float(np.abs(picture - other).mean()) for other in plain]
+        print(f"level {number}: difference from the file of each level {np.round(apart, 5)}")
+        own = apart.pop(number)
+        assert own < 0.5 * min(apart)
+
+
+def test_leaves_are_drawn_where_they_have_slid_to(baked: Baked, tmp_path: Path) -> None:
+    """Bevy draws, as its own scenes, a copy of the level's file with moved leaves, and the file with leaves at rest."""
+    shots = []
+    sliding = [number for number, slides in enumerate(baked.slides) if slides]
+    for number in sliding:
+        extras = baked.levels[number].extras["leafcloud"]
+        start, end = extras["transition_start"], extras["transition_end"]
+        distance = start + 0.9 * (end - start)
+        own = baked.file.with_name(f"{baked.file.stem}_LOD{number}.glb")
+        moved = tmp_path / f"moved_{number}.glb"
+        write_moved(own, moved, 0.9)
+        shots.append(baked.shot(f"{number}", distance, lod_distance=1.0 / ZOOM, **LENS))
+        shots += [
+            baked.shot(f"{number}_{name}", distance, file=str(file), is_plain=True, **LENS)
+            for name, file in (("own", own), ("moved", moved))
+        ]
+    draw(tmp_path, shots)
+    assert sliding
+    for number in sliding:
+        picture = colors(tmp_path / f"{number}.png")
+        moved_apart, own_apart = (
+            float(np.abs(picture - colors(tmp_path / f"{number}_{name}.png")).mean()) for name in ("moved", "own")
+        )
+        print(f"level {number}: {moved_apart:.5f} from leaves that were moved, {own_apart:.5f} from those at rest")
+        assert moved_apart < 0.3 * own_apart
+
+
+def write_moved(file: Path, moved: Path, a: float) -> None:
+    """Write a copy of a file with one level: leaves are a of the way to their morph target, and have none."""
+    document, chunk = read_chunks(file)
+    data = bytearray(chunk)
+
+    def numbers(index: int) -> NDArray[np.float32]:
+        accessor = document["accessors"][index]
+        start = document["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        return np.frombuffer(data, np.float32, 3 * accessor["count"], start)
+
+    for mesh in document["meshes"]:
+        mesh.pop("weights", None)
+        for primitive in mesh["primitives"]:
+            places = numbers(primitive["attributes"]["POSITION"])
+            places += np.float32(a) * numbers(primitive.pop("targets")[0]["POSITION"])
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    header = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(data))
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+    moved.write_bytes(header + chunks)
+
+
+def test_a_level_covers_as_much_as_the_one_before_it(baked: Baked, tmp_path: Path) -> None:
+    """Compare levels that cover at least 300 pixels: below, single pixels decide. There is no antialiasing."""
+    shots = []
+    for number, end in enumerate(baked.ends):
+        fade = end * (0.1 if baked.slides[number] else 0.25)
+        shots += [
+            baked.shot(f"before_{number}", 0.99 * end),
+            baked.shot(f"after_{number}", 0.99 * end, lod_distance=1.0 / 1.3),
+            baked.shot(f"within_{number}", 0.99 * end, lod_distance=0.99 * end / (end + 0.5 * fade)),
+        ]
+    drawn = draw(tmp_path, shots)
+    compared = 0
+    for number in range(len(baked.ends)):
+        assert drawn[f"before_{number}"]["levels"] == [number]
+        assert drawn[f"after_{number}"]["levels"] == [number + 1]
+        assert sorted(drawn[f"within_{number}"]["levels"]) == [number, number + 1]
+        pictures = {name: colors(tmp_path / f"{name}_{number}.png") for name in ("before", "after", "within")}
+        masks = {name: seen(picture) for name, picture in pictures.items()}
+        covered = {name: int(mask.sum()) for name, mask in masks.items()}
+        light = {name: float((picture[masks[name]] ** 2.2).mean()) for name, picture in pictures.items()}
+        ratios = covered["after"] / covered["before"], light["after"] / light["before"]
+        print(f"{number}: {covered}, coverage {ratios[0]:.3f}, luminance {ratios[1]:.3f}")
+        if covered["before"] < 300:
+            continue
+        compared += 1
+        assert 0.9 < ratios[0] < 1.1
+        assert 0.94 < ratios[1] < 1.06
+        least, most = sorted((covered["before"], covered["after"]))
+        assert 0.95 * least < covered["within"] < 1.05 * most
+    assert compared >= 1
+
+
+def test_a_tree_that_is_scaled_turned_and_moved_switches_alike(baked: Baked, tmp_path: Path) -> None:
+    scale, turn, position = 0.05, 2.0, np.array([30.0, -5.0, 7.0])
+    cosine, sine = math.cos(turn), math.sin(turn)
+    turned = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    centre = scale * turned @ baked.centre + position
+    place: dict[str, Any] = {"centre": centre, "scale": scale, "turn": turn, "position": tuple(position)}
+    check_borders(baked, tmp_path, scale, **place)
+
+
+def test_levels_follow_field_of_view_and_height_of_the_picture(baked: Baked, tmp_path: Path) -> None:
+    factor = 540.0 / 1080.0 * math.tan(math.radians(25.0)) / math.tan(math.radians(10.0))
+    check_borders(baked, tmp_path, factor, field_of_view=20.0, pixels=540)
+
+
+def test_lod_distance_is_a_factor_on_distances(baked: Baked, tmp_path: Path) -> None:
+    check_borders(baked, tmp_path, 2.0, lod_distance=2.0)
+
+
+def check_borders(baked: Baked, folder: Path, factor: float, **settings: Any) -> None:
+    """Levels hand over within 1 % of `factor` times the file's distances, and leaves have arrived there."""
+    distances = {f"{number}_{share}": share * end for number, end in enumerate(baked.ends) for share in (0.99, 1.01)}
+    shots = [baked.shot(name, factor * distance, **settings) for name, distance in distances.items()]
+    drawn = draw(folder, shots)
+    for name, distance in distances.items():
+        assert sorted(drawn[name]["levels"]) == baked.drawn(distance), name
+    for number in (number for number, slides in enumerate(baked.slides) if slides):
+        assert drawn[f"{number}_1.01"]["weights"][str(number)] > 0.99
+    assert seen(colors(folder / "0_0.99.png")).sum() > 100
+
+
+def test_each_tree_of_a_file_has_its_own_levels(tmp_path: Path) -> None:
+    other = tmp_path / "bush.glb"
+    shutil.copy(SHRUB, other)
+    file = bake(tmp_path / "baked", [SHRUB, other], "--epsilon", "0.1")
+    names = [node.name.rpartition("_LOD")[0] for node in levels_of(file) if node.extras["leafcloud"]["level"] == 0]
+    assert sorted(names) == ["bush", "shrub"]
+    for number, name in enumerate(names):
+        levels = [node for node in levels_of(file) if node.name.startswith(f"{name}_LOD")]
+        baked = Baked(file, levels)
+        assert len(levels) >= 2
+        distances = {f"{number}": share * baked.ends[0] for number, share in enumerate((0.5, 0.99, 1.01, 4.0))}
+        drawn = draw(tmp_path / name, [baked.shot(key, each, tree=number) for key, each in distances.items()])
+        for key, distance in distances.items():
+            assert sorted(drawn[key]["levels"]) == baked.drawn(distance)
+            assert seen(colors(tmp_path / name / f"{key}.png")).any()
