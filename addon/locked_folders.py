@@ -22,6 +22,8 @@ def left_behind(directory: Path, prefix: str) -> Iterator[Path]:
     """Yield the folders of `locked_folder` in `directory` whose processes have ended, each locked for its turn."""
     for folder in directory.glob(f"{prefix}*"):
         with suppress(OSError), _lock_of(folder) as lock:
+            if folder.is_symlink() or not folder.is_dir():
+                continue
             if lock is not None or time.time() - folder.stat().st_mtime > _SURELY_DEAD:
                 yield folder
 
@@ -34,8 +36,8 @@ def locked_folder(directory: Path, prefix: str) -> tuple[Path, int | None]:
     """
     while True:
         folder = Path(tempfile.mkdtemp(prefix=prefix, dir=directory))
-        with _lock_of(folder) as lock:
-            # Between the two lines above another process may have taken the folder for a dead one's.
+        # Between the line above and the lock another process may take the folder for a dead one's.
+        with suppress(BlockingIOError), _lock_of(folder) as lock:
             if folder.is_dir():
                 return folder, None if lock is None else os.dup(lock)
 
@@ -50,8 +52,8 @@ def _lock_of(folder: Path) -> Iterator[int | None]:
         yield None
         return
     try:
-        descriptor = os.open(folder, os.O_RDONLY)
-    except FileNotFoundError:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except (FileNotFoundError, NotADirectoryError):
         yield None
         return
     try:

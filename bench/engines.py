@@ -23,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from flat_views import make_flat
 from mathutils import Vector
 from numpy.typing import NDArray
 
+from leafcloud import flip_map
 from leafcloud.inspection import flip_near
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,6 +77,12 @@ Each level beside the one before it, from the same eight places. *Pixels*: cover
 within 4 pixels of the tree. Limits: coverage 0.95 to 1.05, luminance 0.97 to 1.03. *There*, *2 ×*, *4 ×*: coverage of
 the tree as it is drawn behind the hand-over, and so many times as far away, over that of the leaves with 4 × 4 samples
 a pixel; limits 0.9 to 1.1.
+"""
+FRAMES = """## Frames
+
+FLIP between two pictures of a tree that switches by itself, in the square around the crown, while the camera moves by
+0.2 % of its distance: where a level begins to fade, where it is gone, and 3 % before it begins. Limit 0.02.
+
 """
 CYCLES = """## Beside Cycles
 
@@ -135,11 +142,20 @@ def bake(tree: Path, engine: str, effects: str = "auto", *more: str) -> Path:
     return out / f"{tree.stem}.glb"
 
 
-def drawn(engine: str, file: Path, view: View, **settings: Any) -> Picture:
-    """Return the pictures in an engine: linear light, premultiplied, (views, side, side, 4) in [0, 1]."""
+def drawn(engine: str, file: Path, view: View, views: Sequence[Any] = (), **settings: Any) -> Picture:
+    """Return the pictures in an engine: linear light, premultiplied, (views, side, side, 4) in [0, 1].
+
+    views: in place of those of `view`, with its field of view.
+    """
     name = "babylon" if engine == KTX2 else engine
     code = code_of(name, 2).replace("/basis/", TRANSCODER) if engine == KTX2 else code_of(name)
-    asked = {**view.question, "code": code, "settings": {"pixels": zoomed(view), **settings}}
+    question = view.question
+    asked = {
+        **question,
+        "views": views or question["views"],
+        "code": code,
+        "settings": {"pixels": zoomed(view), **settings},
+    }
     found: Picture = np.stack([picture["pixels"] for picture in pictures(name, file, **asked)]) / 255.0
     colors, alpha = found[..., :3], found[..., 3:]
     if name == "babylon":  # Its alpha is that of the texture, not premultiplied; nothing blends here.
@@ -201,6 +217,30 @@ def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
             f"{flip(before, after):.3f}",
             *(f"{each:.2f}" for each in far),
         ]
+
+
+def frame_rows(tree: Path, engine: str) -> Iterator[list[str]]:
+    """Yield the FLIP of neighboring frames at each hand-over."""
+    file = bake(tree, "babylon" if engine == KTX2 else engine)
+    levels = levels_of(file)
+    for number, distance in enumerate(hand_overs(levels)):
+        fade = 0.1 if "transition_end" in levels[number].extras["leafcloud"] else 0.25
+        places = [distance, distance * (1.0 + fade), 0.97 * distance]
+        view = View.of(0.9 * distance, levels[0])
+        crown = int(view.side * sphere_of(levels[0])[1] / distance / math.tan(math.radians(view.fov / 2.0)))
+        near = [replace(view, distance=place * step) for place in places for step in (0.999, 1.001)]
+        frames = drawn(engine, file, view, [each for one in near for each in one.question["views"][:2]])
+        frames = frames.reshape(len(places), 2, 2, *frames.shape[1:])  # places, steps, directions
+        means = [np.mean([flip_in(one, other, crown) for one, other in zip(*both, strict=True)]) for both in frames]
+        yield [tree.stem, engine, f"{number} → {number + 1}", *(f"{each:.3f}" for each in means)]
+
+
+def flip_in(one: Picture, other: Picture, side: int) -> float:
+    """Return the mean FLIP of two pictures on white, in a square of so many pixels in their middle."""
+    start = max((len(one) - side) // 2, 0)
+    crops = [each[start : start + side, start : start + side] for each in (one, other)]
+    on_white = [np.dstack([each[..., :3] + 1.0 - each[..., 3:], np.ones_like(each[..., :1])]) for each in crops]
+    return float(flip_map(*(encoded(np.ascontiguousarray(each)) for each in on_white)).mean())
 
 
 @cache
@@ -373,6 +413,9 @@ def report(trees: Sequence[Path], *, quick: bool) -> Iterator[str]:
     names = ["tree", "engine", "levels", "pixels", "coverage", "luminance", "FLIP", "there", "2 ×", "4 ×"]
     yield INTRODUCTION
     yield table(names, [row for tree in trees for engine in (*ENGINES, KTX2) for row in hand_over_rows(tree, engine)])
+    yield FRAMES
+    names = ["tree", "engine", "levels", "it begins to fade", "it is gone", "before"]
+    yield table(names, [row for tree in trees for engine in (*ENGINES, KTX2) for row in frame_rows(tree, engine)])
     yield CYCLES
     yield table(["tree", "level", "crown", *ENGINES], [row for tree in trees for row in cycles_rows(tree)])
     if quick:

@@ -182,7 +182,7 @@ def level_1_form(prepared: Prepared) -> Form:
 def last_form(prepared: Prepared) -> Last:
     """Return the form that the core may choose for the last level.
 
-    Other engines than three.js draw no octahedral impostor, so it is chosen for them only if asked for.
+    Not every engine draws octahedral impostors well: for the others they are chosen only if asked for.
     """
     settings = prepared.settings
     _, cross = prepared.levels

@@ -53,15 +53,12 @@ def _numbers(node: dict[str, Any]) -> dict[str, Any]:
 def add_instances(glb: Glb, node: dict[str, Any], places: NDArray[np.float64]) -> None:
     """Add the places, see `write_forest`, to a node of the file."""
     own = _matrix(node)
+    _check_scale(f"{node['name']} is", own, "apply the scale of the tree before the bake")
+    for place in places:
+        _check_scale("a place of the forest is", place, "apply the scale of its object")
     turned = own.copy()
     turned[:3, 3] = 0.0
     parts = [_parts(row) for row in np.linalg.inv(own) @ (_Y_UP @ places @ _Y_UP.T) @ turned]
-    if any(shear > _SHEAR for *_, shear in parts):
-        scales = ", ".join(f"{each:.3g}" for each in Matrix(own.tolist()).to_scale())
-        raise ExportError(
-            f"{node['name']} is scaled by {scales}: a forest needs one scale along all axes; apply the scale of the "
-            "tree before the bake"
-        )
     attributes = {
         "TRANSLATION": [part[0] for part in parts],
         "ROTATION": [part[1] for part in parts],
@@ -88,12 +85,18 @@ def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
     return np.array(place, np.float64)
 
 
-def _parts(
-    transform: NDArray[np.float64],
-) -> tuple[list[float], tuple[float, float, float, float], float, float]:
-    """Return translation, rotation (x, y, z, w), scale, and how far the transform is from one scale, relatively."""
+def _check_scale(owner: str, transform: NDArray[np.float64], remedy: str) -> None:
+    """Raise `ExportError` unless the transform has one scale, other than 0, along all axes."""
+    axes = transform[:3, :3]
+    square = axes.T @ axes
+    if not np.abs(square - np.eye(3) * square[0, 0]).max() <= _SHEAR * square[0, 0] or square[0, 0] == 0.0:
+        scales = ", ".join(f"{each:.3g}" for each in Matrix(axes.tolist()).to_4x4().to_scale())
+        raise ExportError(f"{owner} scaled by {scales}: a forest needs one scale along all axes; {remedy}")
+
+
+def _parts(transform: NDArray[np.float64]) -> tuple[list[float], tuple[float, float, float, float], float]:
+    """Return translation, rotation (x, y, z, w) and scale of a transform with one scale."""
     axes = transform[:3, :3]
     scale = float(np.cbrt(np.linalg.det(axes)))
-    shear = float(np.abs(axes.T @ axes / scale**2 - np.eye(3)).max())
     w, x, y, z = Matrix((axes / scale).tolist()).to_quaternion()
-    return transform[:3, 3].tolist(), (x, y, z, w), scale, shear
+    return transform[:3, 3].tolist(), (x, y, z, w), scale

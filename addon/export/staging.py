@@ -9,6 +9,7 @@ the folders of the dead from those of the living.)
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
@@ -94,8 +95,12 @@ class Staging:
             for name in self._files:
                 (self._folder / name).stat()
             _decide(self._folder, self._files, sorted(set(earlier) - set(self._files)))
-            _move(self._folder, self._directory)
             self._made.clear()
+            try:
+                _move(self._folder, self._directory)
+            except OSError:
+                self._folder = None  # It stays for the next process, which moves the rest.
+                raise
             ending.finish()
 
     def _clean(self) -> None:
@@ -120,11 +125,21 @@ def _decide(folder: Path, files: list[str], removed: list[str]) -> None:
 def _move(folder: Path, directory: Path) -> None:
     """Move the files of a final commit that are still in its folder."""
     decided = json.loads((folder / _LIST).read_text(encoding="utf-8"))
-    for name in decided["files"]:
-        with suppress(FileNotFoundError):  # Moved before.
+    files, removed = (list(map(_plain_name, decided[key])) for key in ("files", "removed"))
+    for name in files:
+        if (folder / name).exists():  # Else it was moved before.
             os.replace(folder / name, directory / name)
-    for name in decided["removed"]:
+    if not all((directory / name).exists() for name in files):
+        raise FileNotFoundError(errno.ENOENT, "a file has vanished while it was moved", str(directory))
+    for name in removed:
         (directory / name).unlink(missing_ok=True)
+
+
+def _plain_name(name: str) -> str:
+    """Return the name of a file beside the list. Raise `ValueError` for a path: the list may be a foreign one."""
+    if Path(name).name != name:
+        raise ValueError(f"{name!r} is no name of a file")
+    return name
 
 
 def _recover(directory: Path) -> None:

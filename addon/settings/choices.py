@@ -9,7 +9,8 @@ Last = Literal["auto", "cross", "octahedral"]
 
 ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 DRAW_OCTAHEDRAL = ("generic", "three")
-"""Engines that may draw octahedral impostors. Blender's own scenes count as generic."""
+"""Engines for which octahedral impostors are chosen by cost; Blender's own scenes count as generic. Babylon.js cuts
+them out, which looks coarser, so it gets them only if asked for."""
 COMPRESSED_ENGINES = ("generic", "three", "unity")
 """Engines that can read `EXT_meshopt_compression`; the reader of generic files is its user's."""
 CHAINS = {
@@ -24,7 +25,7 @@ FORMS: dict[Form, str] = {
     "leaves": "simplified leaves, before the clouds, however little they save",
 }
 LASTS: dict[Last, str] = {
-    "auto": "an octahedral impostor where it is cheaper to draw than the level before, if Blender or three.js draws it "
+    "auto": "an octahedral impostor where it is cheaper to draw than the level before, if its target draws it "
     "and `quality` decides; else a cross impostor",
     "cross": "a cross impostor",
     "octahedral": "an octahedral impostor in Blender, and a cross impostor in files for readers without its shader",

@@ -10,8 +10,9 @@ from bpy.props import StringProperty
 from mathutils import Matrix
 from numpy.typing import NDArray
 
-from ..errors import ExportError
+from ..errors import ExportError, SceneError
 from ..export.forest_file import write_forest
+from ..export.staging import Staging
 from ..nodes.forest import GROUP_NAME
 from .job_operator import refuse
 from .on_tree import mode_problem
@@ -44,17 +45,20 @@ class LEAFCLOUD_OT_export_forest(bpy.types.Operator):
         return set(context.window_manager.invoke_props_dialog(self, confirm_text="Export"))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        folder, obj = output_folder(self.directory), planted(context)
+        obj = planted(context)
         assert obj is not None, "poll refuses without a forest"
         places = places_of(obj, context.evaluated_depsgraph_get())
         try:
+            folder = output_folder(self.directory)
             if folder is None:
                 raise ExportError("no folder is chosen: choose the one with the trees' files")
             if not places:
                 raise ExportError(f"{obj.name} shows no trees: set Far to 0, and show the object")
-            for name, rows in places.items():
-                write_forest(folder / f"{name}.glb", folder / f"{name}_forest.glb", rows)
-        except ExportError as error:
+            with Staging(folder) as staging:
+                for name, rows in places.items():
+                    write_forest(folder / f"{name}.glb", staging.path(f"{name}_forest.glb"), rows)
+                staging.commit()
+        except (SceneError, OSError) as error:
             return refuse(self, error)
         trees = ", ".join(f"{len(rows):,} × {name}" for name, rows in places.items())
         self.report({"INFO"}, f"Wrote {trees} into {folder}")

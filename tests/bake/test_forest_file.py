@@ -111,3 +111,8 @@ def test_a_tree_with_several_scales_has_no_places() -> None:
     turned = np.array(Matrix.Rotation(0.7, 4, "Y"))[None]
     with pytest.raises(ExportError, match=r"tree_LOD0 is scaled by 1, 2, 1"):
         add_instances(None, node, turned)  # type: ignore[arg-type]
+    turned[0] = np.diag([1.0, 1.0, 3.0, 1.0])
+    with pytest.raises(
+        ExportError, match=r"a place of the forest is scaled by 1, 1, 3: .* apply the scale of its object"
+    ):
+        add_instances(None, {"name": "tree_LOD0"}, turned)  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +15,8 @@ import pytest
 from command_line import QUICK, bake
 from engine_views import bundle, code_of, hand_overs, levels_of, pictures, sphere_of
 
+ROOT = Path(__file__).resolve().parents[2]
+BASIS = ROOT / "engines" / "babylon" / "node_modules" / "@babylonjs" / "core" / "assets" / "Basis"
 TRANSCODER = "/engines/babylon/node_modules/@babylonjs/core/assets/Basis"
 DIRECTIONS = [
     (math.cos(2.4 * i) * math.sqrt(1.0 - up * up), up, math.sin(2.4 * i) * math.sqrt(1.0 - up * up))
@@ -92,5 +95,7 @@ def test_without_a_transcoder_the_png_textures_are_drawn(tree: Path) -> None:
     (tree.parent / "basis_transcoder.js").write_text("this is no script")
     (tree.parent / "basis_transcoder.wasm").write_bytes(b"nor a program")
     assert same_as_png(tree, "/files/")
+    shutil.copy(BASIS / "basis_transcoder.js", tree.parent)
+    assert same_as_png(tree, "/files/"), "the script is right, its program is not"
     with silent_server() as address:
         assert same_as_png(tree, address)

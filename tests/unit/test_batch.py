@@ -147,7 +147,8 @@ def test_names_are_folders_of_their_own(tmp_path: Path) -> None:
         file.parent.mkdir(exist_ok=True)
         file.write_text("")
     found = {
-        tree.file.relative_to(tmp_path).as_posix(): tree.name for tree in find_trees([tmp_path, tmp_path / "a/oak.glb"])
+        tree.file.relative_to(tmp_path).as_posix(): tree.name
+        for tree in find_trees([tmp_path, tmp_path / "a/oak.glb"], tmp_path / "out")
     }
     assert found.keys() == {"a/oak.glb", "b/oak.obj", "b/Oak.blend", "b/oak_2.glb"}
     assert len({name.casefold() for name in found.values()}) == 4
@@ -172,3 +173,38 @@ def test_files_that_a_tree_names_count(tmp_path: Path) -> None:
     assert named("tree.obj") == {"tree.obj", "tree.mtl", "bark.png"}
     (tmp_path / "bad.gltf").write_text("[" * 100_000)
     assert named("bad.gltf") == {"bad.gltf"}
+
+
+def test_results_are_no_trees_and_trees_no_results(studio: Studio, capsys: pytest.CaptureFixture[str]) -> None:
+    """A batch may write below its trees. It refuses to write where one of them lies."""
+    studio.out = studio.trees / "levels"
+    studio.add("ash")
+    assert studio.run() == studio.run() == 0
+    assert studio.rows.keys() == {"ash"}
+    (studio.trees / "oak").mkdir()
+    oak = studio.add("oak/oak")
+    studio.out = studio.trees
+    assert studio.run() == 2
+    assert "lies where results are written" in capsys.readouterr().err
+    assert oak.read_text() == ""
+
+
+def test_a_complete_commit_of_a_killed_bake_stays_for_the_next_one(tmp_path: Path) -> None:
+    studio = Studio(tmp_path)
+    studio.add("ash", "refused")
+    for name, files in (("a", ()), ("b", ("leafcloud-commit.json",))):
+        folder = studio.out / "ash" / f".leafcloud-{name}"
+        folder.mkdir(parents=True)
+        for file in files:
+            (folder / file).write_text("{}")
+    (studio.out / "ash" / "batch.json").write_text("{}")
+    assert studio.run() == 1
+    assert [each.name for each in (studio.out / "ash").iterdir()] == [".leafcloud-b"]
+
+
+def test_lists_of_files_are_read_in_time(tmp_path: Path) -> None:
+    (tmp_path / "tree.obj").write_text("mtllib tree.mtl\n")
+    (tmp_path / "tree.mtl").write_text("\n" * 1_000_000 + "map_Kd\nnewmtl foo\n" + "map_Kd -s " * 10_000)
+    begin = time.monotonic()
+    assert len(files_of(tmp_path / "tree.obj")) == 2
+    assert time.monotonic() - begin < 5.0

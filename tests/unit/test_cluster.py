@@ -8,9 +8,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from studio import Studio
@@ -49,6 +50,14 @@ def said(log: Path, pattern: str) -> str:
             return match[1]
         time.sleep(0.1)
     raise AssertionError(log.read_text())
+
+
+def waited(ready: Callable[[], Any]) -> Any:
+    """Return the first true value of `ready`."""
+    deadline = time.monotonic() + START_SECONDS
+    while not (value := ready()) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    return value
 
 
 @pytest.fixture(scope="module")
@@ -114,14 +123,16 @@ def test_limits_hold_on_workers(studio: Studio, scheduler: str) -> None:
     assert "not done after 0.02 minutes" in studio.rows["ash"]["reason"]
 
 
-def test_a_stopped_batch_ends_its_bakes(studio: Studio, scheduler: str) -> None:
-    studio.add("ash", "slow")
+def test_a_stopped_batch_ends_its_bakes(studio: Studio, scheduler: str, tmp_path: Path) -> None:
+    mark = tmp_path / "process"
+    studio.add("ash", f"slow {mark}")
     command = [sys.executable, "-m", "leafcloud.batch.command", *studio.arguments("--scheduler", scheduler)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        time.sleep(6.0)
+        number = waited(lambda: mark.exists() and mark.read_text())
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=60)
     assert process.returncode == 130, error
+    assert waited(lambda: not Path(f"/proc/{number}").exists()), "the worker ends the bake"
     studio.add("ash")
     assert studio.run("--scheduler", scheduler) == 0
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import signal
 import subprocess
 import sys
@@ -127,3 +129,47 @@ def test_without_a_commit_new_folders_go(tmp_path: Path) -> None:
     with Staging(tmp_path / "a" / "b") as files:
         files.path("x").write_text("x")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_foreign_list_moves_and_removes_nothing_elsewhere(folder: Path) -> None:
+    outside = folder.parent / "outside"
+    outside.write_text("stays")
+    for number, removed in enumerate((str(outside), "../outside")):
+        hidden = folder / f".leafcloud-{number}"
+        hidden.mkdir()
+        (hidden / "leafcloud-commit.json").write_text(json.dumps({"files": [], "removed": [removed]}))
+    with Staging(folder):
+        pass
+    assert outside.read_text() == "stays"
+    assert contents(folder) == OLD
+
+
+def test_other_things_with_such_names_stay(folder: Path) -> None:
+    (folder / ".leafcloud-file").write_text("x")
+    os.mkfifo(folder / ".leafcloud-pipe")
+    with Staging(folder):
+        pass
+    assert (folder / ".leafcloud-file").read_text() == "x"
+
+
+def test_a_move_that_fails_is_completed_by_the_next_process(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = os.replace
+
+    def failing(source: Path, target: Path) -> None:
+        if Path(target).name == "b":
+            raise PermissionError("open elsewhere")
+        real(source, target)
+
+    def write_new() -> None:
+        with Staging(folder) as files, monkeypatch.context() as patch:
+            for name, text in NEW.items():
+                files.path(name).write_text(text)
+            patch.setattr(os, "replace", failing)
+            files.commit(["far"])
+
+    with pytest.raises(PermissionError):
+        write_new()
+    with Staging(folder):
+        pass
+    assert contents(folder) == NEW
+    assert hidden_folders(folder) == []

@@ -35,7 +35,7 @@ export function floatsOf(document, rest, number) {
   const { bufferView, byteOffset, count, type, componentType, normalized, sparse } = document.accessors[number];
   const width = WIDTHS[type];
   if (componentType !== 5126 || normalized || "EXT_meshopt_compression" in (document.bufferViews[bufferView]?.extensions ?? {})) {
-    throw new Error("Another tool has compressed or quantized the numbers of this file: load the file that Leafcloud wrote.");
+    throw new Error("The meshes of this file are compressed or quantized: bake with --engine babylon, and without --compress.");
   }
   const start = rest.byteOffset + 8; // Behind the header of the chunk.
   const at = (view, offset = 0) => start + (document.bufferViews[view].byteOffset ?? 0) + offset;

@@ -30,12 +30,21 @@ async function newPool(folder) {
   };
   const script = await (await read("basis_transcoder.js")).text();
   const program = await (await read("basis_transcoder.wasm")).arrayBuffer();
-  const worker = new Worker(URL.createObjectURL(new Blob([`${script}\n(${run})()`], { type: "text/javascript" })));
-  await new Promise((done, fail) => {
-    worker.onerror = ({ message }) => fail(new Error(message));
-    worker.onmessage = ({ data }) => (data.error ? fail(new Error(data.error)) : done());
-    worker.postMessage({ action: "init", program }, [program]);
-  });
+  const address = URL.createObjectURL(new Blob([`${script}\n(${run})()`], { type: "text/javascript" }));
+  const worker = new Worker(address);
+  try {
+    await new Promise((done, fail) => {
+      worker.onerror = ({ message }) => fail(new Error(message));
+      worker.onmessage = ({ data }) => (data.error ? fail(new Error(data.error)) : done());
+      setTimeout(() => fail(new Error("the transcoder does not start")), PATIENCE);
+      worker.postMessage({ action: "init", program }, [program]);
+    });
+  } catch (error) {
+    worker.terminate();
+    throw error;
+  } finally {
+    URL.revokeObjectURL(address);
+  }
   return new WorkerPool([worker]);
 }
 
@@ -72,9 +81,10 @@ function run() {
   };
   const answers = {
     init: async ({ program }) => {
-      basis = await new Promise((done) => {
-        const module = { wasmBinary: program, onRuntimeInitialized: () => done(module) };
-        BASIS(module);
+      basis = await new Promise((done, fail) => {
+        const onAbort = (reason) => fail(new Error(`the transcoder's program is broken: ${reason}`));
+        const module = { wasmBinary: program, onRuntimeInitialized: () => done(module), onAbort };
+        BASIS(module)?.catch?.(fail);
       });
       basis.initializeBasis();
       return { action: "init" };

@@ -22,9 +22,10 @@ pub(crate) fn make_ready(
         let Some(mut file) = files.get_mut(*id) else {
             continue;
         };
+        let mut lit = HashSet::new(); // Trees of a file may share materials.
         for levels in &mut file.trees {
             centre_meshes(levels, &mut meshes);
-            add_light(levels, &mut materials);
+            add_light(levels, &mut materials, &mut lit);
             add_mips_of(levels, &materials, &mut images);
         }
         file.is_ready = true;
@@ -51,10 +52,13 @@ fn centre_meshes(levels: &mut [Level], meshes: &mut Assets<Mesh>) {
     }
 }
 
-fn add_light(levels: &[Level], materials: &mut Assets<StandardMaterial>) {
-    let mut seen = HashSet::new();
+fn add_light(
+    levels: &[Level],
+    materials: &mut Assets<StandardMaterial>,
+    lit: &mut HashSet<AssetId<StandardMaterial>>,
+) {
     for part in levels.iter().flat_map(|level| &level.parts) {
-        if part.light == Light::PLAIN || !seen.insert(part.material.id()) {
+        if part.light == Light::PLAIN || !lit.insert(part.material.id()) {
             continue;
         }
         if let Some(mut material) = materials.get_mut(&part.material) {

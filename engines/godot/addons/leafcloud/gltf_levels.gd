@@ -35,11 +35,12 @@ func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error
 		var node: Dictionary = json["nodes"][number]
 		if not node.get("extras", {}).has("leafcloud"):
 			continue
-		var ids: Array = node.get("extensions", {}).get("MSFT_lod", {}).get("ids", [])
+		if not node.get("extensions", {}).has("MSFT_lod"):
+			continue
+		var ids: Array = node["extensions"]["MSFT_lod"].get("ids", [])
 		levels.append_array(ids)
-		if not ids.is_empty():
-			for id: int in [number] + ids:
-				json["nodes"][id]["extras"]["leafcloud"]["chain"] = number
+		for id: int in [number] + ids:
+			json["nodes"][id]["extras"]["leafcloud"]["chain"] = number
 	if levels.is_empty():
 		return ERR_SKIP
 	var shown: Array = json["scenes"][int(json.get("scene", 0))]["nodes"]

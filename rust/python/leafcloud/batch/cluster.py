@@ -28,7 +28,7 @@ from distributed import Event as SharedEvent
 
 from .. import LeafcloudError
 from .process import Limits, Outcome, bake
-from .run import Batch, Row, begin, end, version_of
+from .run import Batch, Row, begin, end, forget, report_in, version_of
 from .trees import Tree, files_of
 
 _MOST_TRIES = 3
@@ -80,15 +80,26 @@ def run_on(scheduler: str, trees: Sequence[Tree], batch: Batch, stop: Event, tel
         raise LeafcloudError(
             f"no Dask scheduler answers at {scheduler}: start `dask scheduler` there ({error})"
         ) from error
+    rows: dict[Tree, Row] = {}
     with client:
-        client.run_on_scheduler(_set_aside_after_two)
-        rows = {row.tree: row for row in _rows(client, trees, batch, stop, tell)}
+        before = client.run_on_scheduler(_allow_deaths, 1)
+        try:
+            for row in _rows(client, trees, batch, stop, tell):
+                rows[row.tree] = row
+        except OSError as error:
+            gone = Outcome(f"the scheduler at {scheduler} is gone ({error}): run the same batch again", 0.0, 0)
+            rows |= {tree: Row(tree, gone, False, None) for tree in trees if tree not in rows}
+        finally:
+            with suppress(OSError):
+                client.run_on_scheduler(_allow_deaths, before)
     return [rows[tree] for tree in trees if tree in rows]
 
 
-def _set_aside_after_two(dask_scheduler: Any = None) -> None:
-    """Make a task fail when its second worker dies."""
-    dask_scheduler.allowed_failures = 1
+def _allow_deaths(workers: int, dask_scheduler: Any = None) -> int:
+    """Make a task fail when more than so many of its workers have died. Return the number before."""
+    before: int = dask_scheduler.allowed_failures
+    dask_scheduler.allowed_failures = workers
+    return before
 
 
 def _rows(
@@ -105,7 +116,7 @@ def _rows(
             shared.set()
             client.cancel(list(sent))
             return
-        while more and len(sent) < 2 * max(sum(client.nthreads().values()), 1):
+        while more and not stop.is_set() and len(sent) < 2 * max(sum(client.nthreads().values()), 1):
             tree = next(waiting, None)
             if tree is None:
                 more = False
@@ -115,6 +126,7 @@ def _rows(
                 tell(begun)
                 yield begun
             else:
+                forget(batch.out / tree.name)
                 _send(client, _Sent(tree, begun, _task_of(tree, batch, program, name)), sent, ended)
         try:
             future = ended.get(timeout=0.2)
@@ -133,7 +145,9 @@ def _rows(
 def _send(client: Client, job: _Sent, sent: dict[Future, _Sent], ended: SimpleQueue[Future]) -> None:
     others = [worker for worker in client.nthreads() if worker not in job.tried]
     workers = (others or None) if job.tried else None  # Without others the same one may work again, or a new one come.
-    future = client.submit(bake_task, job.task, pure=False, workers=workers, key=f"{job.tree.name}-{uuid.uuid4().hex}")
+    key = f"{job.tree.name}-{uuid.uuid4().hex}"
+    options = {"workers": workers, "allow_other_workers": True} if workers else {}
+    future = client.submit(bake_task, job.task, pure=False, key=key, **options)
     sent[future] = job
     future.add_done_callback(ended.put)
 
@@ -143,7 +157,7 @@ def _task_of(tree: Tree, batch: Batch, program: str, stop: str) -> Task:
     files = []
     for file in files_of(tree.file):
         with suppress(OSError):
-            files.append((file.relative_to(folder).as_posix(), file.read_bytes()))
+            files.append((Path(os.path.relpath(file, folder)).as_posix(), file.read_bytes()))
     return Task(tuple(files), batch.command, batch.flags, batch.limits, program, stop)
 
 
@@ -163,14 +177,15 @@ def _kept(result: Result, folder: Path) -> Outcome:
         return result.outcome
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        listed = (report_in(folder) or {}).get("files", [])
+        earlier = {name for name in listed if isinstance(name, str) and Path(name).name == name}
         with tempfile.TemporaryDirectory(prefix=".leafcloud-", dir=folder) as hidden:
             for name, content in result.files.items():
                 Path(hidden, name).write_bytes(content)
             for name in sorted(result.files, key="report.json".__eq__):
                 os.replace(Path(hidden, name), folder / name)
-        for file in folder.iterdir():
-            if file.is_file() and file.name not in result.files:
-                file.unlink()
+        for name in earlier - result.files.keys():
+            (folder / name).unlink(missing_ok=True)
     except OSError as error:
         return Outcome(f"{folder}: {error.strerror or error}; make room there", 0.0, 0)
     return result.outcome
@@ -206,10 +221,13 @@ def bake_task(task: Task) -> Result:
             source, out = Path(folder, "in"), Path(folder, "out")
             for name, content in task.files:
                 file = source / name
+                if not file.resolve().is_relative_to(source.resolve()):
+                    continue
                 file.parent.mkdir(parents=True, exist_ok=True)
                 file.write_bytes(content)
             first, _ = task.files[0]
-            outcome = bake(task.command, source / first, out, task.flags, task.limits, _Stopped(task.stop))
+            limits = task.limits.shared_among(worker.state.nthreads)
+            outcome = bake(task.command, source / first, out, task.flags, limits, _Stopped(task.stop))
             if not outcome.done:
                 return Result(outcome, worker=address, lost=not _is_writable(home, folder))
             return Result(outcome, {file.name: file.read_bytes() for file in out.iterdir() if file.is_file()}, address)

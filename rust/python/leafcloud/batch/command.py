@@ -15,7 +15,6 @@ from pathlib import Path
 from threading import Event
 from types import FrameType
 
-import psutil
 from tqdm import tqdm
 
 from .. import LeafcloudError
@@ -39,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     end = given.index("--") if "--" in given else len(given)
     options = _parser().parse_args(given[:end])
     try:
-        trees = find_trees(options.trees)
+        trees = find_trees(options.trees, options.out)
         batch = _batch(options, given[end + 1 :])
         batch.out.mkdir(parents=True, exist_ok=True)
     except LeafcloudError as error:
@@ -96,7 +95,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--minutes", type=float, default=60.0, metavar="M", help="most time for a tree (default: 60)")
     parser.add_argument(
-        "--memory", type=float, metavar="GIB", help="most memory for a tree (default: all, shared among --processes)"
+        "--memory",
+        type=float,
+        metavar="GIB",
+        help="most memory for a tree (default: all of its machine, shared among the bakes there)",
     )
     parser.add_argument(
         "--bake",
@@ -118,14 +120,14 @@ def _batch(options: argparse.Namespace, flags: Sequence[str]) -> Batch:
     own = [flag for flag in flags if flag.partition("=")[0] in ("--input", "--out", "--plan-only")]
     if own:
         raise LeafcloudError(f"{own[0]} is set for each tree by the batch: leave it out")
-    memory = (
-        psutil.virtual_memory().total / 2**30 / max(options.processes, 1) if options.memory is None else options.memory
-    )
-    for name, value in (("processes", options.processes), ("minutes", options.minutes), ("memory", memory)):
-        if not value > 0:
+    for name in ("processes", "minutes", "memory"):
+        value = getattr(options, name)
+        if value is not None and not value > 0:
             raise LeafcloudError(f"--{name} is {value}; it must be above 0")
     command = tuple(shlex.split(options.bake)) if options.bake else _usual_command()
-    limits = Limits(60.0 * options.minutes, int(memory * 2**30))
+    limits = Limits(60.0 * options.minutes, None if options.memory is None else int(options.memory * 2**30))
+    if options.scheduler is None:
+        limits = limits.shared_among(options.processes)
     return Batch(options.out.resolve(), command, tuple(flags), limits, options.processes, options.again)
 
 

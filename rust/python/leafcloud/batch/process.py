@@ -24,14 +24,23 @@ _PATIENCE = 10.0
 _MOST_LOG = 2**16
 _STAGING = ".leafcloud-*"
 """Folders in which `bake.py` gathers its files: left behind only by a process that was killed."""
+_COMMIT = "leafcloud-commit.json"
+"""The list in such a folder whose files are complete."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of one bake: seconds > 0, and bytes of memory > 0 with all processes that it starts."""
+    """Limits of one bake: seconds > 0, and bytes of memory > 0 with all processes that it starts.
+
+    memory: None for a share of the memory of the machine (`shared_among`).
+    """
 
     seconds: float
-    memory: int
+    memory: int | None
+
+    def shared_among(self, processes: int) -> Limits:
+        """Return the limits with a share of this machine's memory, if none is set."""
+        return self if self.memory is not None else Limits(self.seconds, psutil.virtual_memory().total // processes)
 
 
 @dataclass(frozen=True)
@@ -79,11 +88,17 @@ def bake(command: Sequence[str], source: Path, out: Path, flags: Sequence[str], 
             with suppress(subprocess.TimeoutExpired):
                 process.wait(_LOOK_SECONDS)
         lines = _last_lines(log)
-    for folder in out.glob(_STAGING):
-        shutil.rmtree(folder, ignore_errors=True)
+    _remove_unfinished(out)
     reason = broken or ("" if process.returncode == 0 else _reason(process.returncode, lines))
     warnings = tuple(line.partition("warning: ")[2] for line in lines if line.startswith("bake.py: warning: "))
     return Outcome(reason, time.monotonic() - begin, most, warnings)
+
+
+def _remove_unfinished(out: Path) -> None:
+    """Remove the folders of a killed bake, but not one whose files are complete: the next bake moves them."""
+    for folder in out.glob(_STAGING):
+        if not (folder / _COMMIT).exists():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _broken_limit(seconds: float, memory: int, limits: Limits, stop: Event) -> str:
@@ -92,7 +107,7 @@ def _broken_limit(seconds: float, memory: int, limits: Limits, stop: Event) -> s
         return "stopped"
     if seconds > limits.seconds:
         return f"not done after {limits.seconds / 60:.3g} minutes: raise --minutes, or bake coarser"
-    if memory > limits.memory:
+    if limits.memory is not None and memory > limits.memory:
         return f"more than {limits.memory / 2**30:.3g} GiB of memory: raise --memory, or run fewer --processes"
     return ""
 

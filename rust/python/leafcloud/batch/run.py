@@ -76,6 +76,7 @@ def _row(tree: Tree, batch: Batch, program: str, stop: Event) -> Row | None:
     begun = begin(tree, batch, program)
     if isinstance(begun, Row):
         return begun
+    forget(batch.out / tree.name)
     outcome = bake(batch.command, tree.file, batch.out / tree.name, batch.flags, batch.limits, stop)
     return end(tree, batch, begun, outcome)
 
@@ -88,7 +89,13 @@ def begin(tree: Tree, batch: Batch, program: str) -> Row | str:
         return Row(tree, Outcome(f"{error.filename or tree.file}: {error.strerror or error}", 0.0, 0), False, None)
     folder = batch.out / tree.name
     known = None if batch.again else _done_before(folder, key)
-    return key if known is None else Row(tree, known, True, _report_in(folder))
+    return key if known is None else Row(tree, known, True, report_in(folder))
+
+
+def forget(folder: Path) -> None:
+    """Remove the record of an earlier bake: from now on the folder may have files of two."""
+    with suppress(OSError):
+        (folder / RECORD).unlink(missing_ok=True)
 
 
 def end(tree: Tree, batch: Batch, key: str, outcome: Outcome) -> Row:
@@ -100,14 +107,14 @@ def end(tree: Tree, batch: Batch, key: str, outcome: Outcome) -> Row:
         write_whole(folder / RECORD, json.dumps({"key": key, **asdict(outcome)}, indent=2))
     except OSError as error:
         return Row(tree, Outcome(f"{folder}: {error.strerror or error}; make room there", 0.0, 0), False, None)
-    return Row(tree, outcome, False, _report_in(folder))
+    return Row(tree, outcome, False, report_in(folder))
 
 
 def _done_before(folder: Path, key: str) -> Outcome | None:
     """Return how an earlier bake with this key ended, if all of its files are there."""
     try:
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-        report = _report_in(folder)
+        report = report_in(folder)
         if record.pop("key") != key or report is None or not all((folder / name).is_file() for name in report["files"]):
             return None
         return Outcome(**{**record, "warnings": tuple(record["warnings"])})
@@ -115,7 +122,7 @@ def _done_before(folder: Path, key: str) -> Outcome | None:
         return None
 
 
-def _report_in(folder: Path) -> dict[str, Any] | None:
+def report_in(folder: Path) -> dict[str, Any] | None:
     try:
         report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -124,7 +131,10 @@ def _report_in(folder: Path) -> dict[str, Any] | None:
 
 
 def version_of(command: Sequence[str]) -> str:
-    """Return a version of all code of a bake: of this package, and of the add-on beside the command's `bake.py`."""
+    """Return a version of all code of a bake: of this package, and of the add-on beside the command's `bake.py`.
+
+    A Blender that the command names counts by its name only.
+    """
     native = find_spec("leafcloud._native")
     assert native, "this package has imported it"
     assert native.origin
@@ -135,7 +145,7 @@ def version_of(command: Sequence[str]) -> str:
             digest.update(str(file.relative_to(program.parent)).encode())
             with suppress(OSError):
                 digest.update(file.read_bytes())
-    return f"{__version__} {digest.hexdigest()}"
+    return f"{__version__} {' '.join(command)} {digest.hexdigest()}"
 
 
 def write_whole(path: Path, text: str) -> None:

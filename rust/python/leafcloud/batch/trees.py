@@ -7,6 +7,7 @@ import json
 import re
 import struct
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,11 +19,12 @@ SUFFIXES = (".glb", ".gltf", ".obj", ".blend")
 """File types that `bake.py` reads."""
 
 _MAPS = re.compile(
-    rb"^\s*(?:map_\w+|bump|disp|decal|norm)\s+(?:-\w+\s+(?:(?:[-\d.]+|on|off)\s+)*)*(.+?)\s*$", re.MULTILINE
+    rb"^[ \t]*(?:map_\w+|bump|disp|decal|norm)[ \t]+(?:-\w+[ \t]+(?:(?:[-\d.]+|on|off)[ \t]+)*)*([^\r\n]+)",
+    re.MULTILINE,
 )
 _LIBRARIES = re.compile(rb"^mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
-_MOST_JSON = 2**28
-"""Most bytes of a document in which names of files are looked for."""
+_MOST_JSON, _MOST_LINES = 2**28, 2**24
+"""Most bytes of a JSON document, and of an .obj or .mtl file, in which names of files are looked for."""
 
 
 @dataclass(frozen=True)
@@ -33,23 +35,33 @@ class Tree:
     file: Path
 
 
-def find_trees(given: Sequence[Path]) -> list[Tree]:
+def find_trees(given: Sequence[Path], out: Path) -> list[Tree]:
     """Return the trees of files and folders, in the order of `given`, each file once; those of a folder by name.
 
-    Equal names get numbers: oak, oak_2. Raises `LeafcloudError` for a path that does not exist, and for a folder
-    without trees.
+    out: the folder of the results, in which no trees are looked for. Equal names get numbers: oak, oak_2.
+    Raises `LeafcloudError` for a path that does not exist, for a folder without trees, and for a file in the folder of
+    its own results.
     """
-    files = dict.fromkeys(file.resolve() for path in given for file in _files(path))
+    out = out.resolve()
+    files = dict.fromkeys(file.resolve() for path in given for file in _files(path, out))
     taken: set[str] = set()
-    return [Tree(_free_name(file.stem, taken), file) for file in files]
+    trees = [Tree(_free_name(file.stem, taken), file) for file in files]
+    folders = {out / tree.name for tree in trees}
+    for tree in trees:
+        if not folders.isdisjoint(tree.file.parents):
+            raise LeafcloudError(f"{tree.file} lies where results are written: choose another --out")
+    return trees
 
 
-def _files(path: Path) -> list[Path]:
+def _files(path: Path, out: Path) -> list[Path]:
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise LeafcloudError(f"{path} does not exist: check the path")
-    found = sorted(each for each in path.rglob("*") if each.suffix.lower() in SUFFIXES and each.is_file())
+    trees = (each for each in path.rglob("*") if each.suffix.lower() in SUFFIXES and each.is_file())
+    # A folder may hold the results of its own trees; a file may lie beside them.
+    inner = path.resolve() != out
+    found = sorted(each for each in trees if not (inner and each.resolve().is_relative_to(out)))
     if not found:
         raise LeafcloudError(f"{path} has no trees: give a folder with files of the types {', '.join(SUFFIXES)}")
     return found
@@ -84,8 +96,9 @@ def files_of(file: Path) -> list[Path]:
     """Return the file and the existing files that it names, beside or below it."""
     found = {file: None}
     for each in _named(file):
-        if each.is_file() and each.resolve().is_relative_to(file.parent.resolve()):
-            found[each] = None
+        with suppress(OSError, ValueError):  # A name that no file can have.
+            if each.is_file() and each.resolve().is_relative_to(file.parent.resolve()):
+                found[each] = None
     return list(found)
 
 
@@ -123,7 +136,7 @@ def _document(file: Path) -> Any:
 def _matches(pattern: re.Pattern[bytes], file: Path) -> Iterable[str]:
     try:
         with file.open("rb") as content:
-            found = pattern.findall(content.read(_MOST_JSON))
+            found = pattern.findall(content.read(_MOST_LINES))
     except OSError:
         return []
     return [name.decode(errors="replace").strip() for name in found if b"\0" not in name]
