@@ -48,8 +48,8 @@ earlier bake. Then the bake is run again, without the fault.
 - *ended well*: the bake was done before the fault, or was not disturbed by it.
 - *lost*: files that are missing afterwards. *mixed*: files that are neither of the earlier bake nor of the new one.
 - *left behind*: files and folders beside the results after the rerun.
-- *status*: exit statuses that do not tell what happened. Where the system refuses memory, Blender and the core abort
-  (status −6), which counts as told.
+- *status*: exit statuses that do not tell what happened. Where the system refuses memory, Blender and the core may
+  abort (status −6) or crash (−11): the files stay whole all the same.
 - *rerun*: reruns that did not complete.
 
 """
@@ -237,11 +237,11 @@ class Trial:
             score.lost += len(self.before) - len(kept)
             whole = done or self.matches(found, self.before)
             score.mixed += not (whole or between or both)
-        right = status == 0 if done else status not in (0, -signal.SIGSEGV)
+        right = status == 0 if done else status != 0
         if status == 0:
             right = done or (vanished and bake.was_over) or both
         elif wanted is not None and not done:
-            right = status == wanted
+            right = status in (wanted, 128 - wanted)  # A signal before the first lines of bake.py ends it as such.
         score.status += (not right) + (bake.beside != 0)
         self.rerun(score, out, temporary)
 

@@ -3,8 +3,8 @@
 A hidden folder beside the files gathers them until all are complete. A list in it, renamed into place, then decides:
 the files will be moved. Each move replaces one file at once. A process that is killed before the list leaves the old
 files, and one that is killed behind it some old and some new ones. The next process that writes into the folder removes
-the rest of the first, and moves the remaining files of the second. (`locked_folders` tells
-the folders of the dead from those of the living.)
+the rest of the first, and moves the remaining files of the second; `locked_folders` tells their folders from those of
+living processes.
 """
 
 from __future__ import annotations
