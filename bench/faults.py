@@ -237,7 +237,7 @@ class Trial:
             score.lost += len(self.before) - len(kept)
             whole = done or self.matches(found, self.before)
             score.mixed += not (whole or between or both)
-        right = status == 0 if done else status != 0
+        right = status in (0, -signal.SIGKILL) if done else status != 0
         if status == 0:
             right = done or (vanished and bake.was_over) or both
         elif wanted is not None and not done:

@@ -30,7 +30,7 @@ export function joined(document, rest) {
 /** Number of components of an accessor's element. */
 const WIDTHS = { SCALAR: 1, VEC2: 2, VEC3: 3, VEC4: 4 };
 
-/** Returns the floats of an accessor, element by element. `rest`: the chunks behind the document, of which the first has the data. */
+/** Returns the floats of an accessor, element by element. `rest`: the chunks behind the document; the first has the data. */
 export function floatsOf(document, rest, number) {
   const { bufferView, byteOffset, count, type, componentType, normalized, sparse } = document.accessors[number];
   const width = WIDTHS[type];

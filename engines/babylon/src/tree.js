@@ -37,7 +37,7 @@ export class Tree {
     this.#observer = scene.onBeforeRenderObservable.add(() => this.update(scene.activeCamera));
   }
 
-  /** What the tree was made of; for forests. */
+  /** The parts of the file that the tree was made from; for forests. */
   get source() {
     return { ...this.#source, scene: this.#scene };
   }

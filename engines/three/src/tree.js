@@ -49,7 +49,7 @@ export class Tree extends THREE.Group {
     this.levels.forEach((level) => (level.object.visible = level === this.levels[0]));
   }
 
-  /** What the tree was made of; for forests. */
+  /** The parts of the file that the tree was made from; for forests. */
   get source() {
     return this.#source;
   }
