@@ -78,6 +78,7 @@ def check_gltf(path: Path) -> Document:
         document, body = _document(path, size)
         _check_depth(document)
         check(document)
+        _check_texts(document)
         source = _Source(path.resolve().parent, document, body)
         for step in (_check_views, _check_accessors, _check_zeros, _check_primitives, _check_reuse, _check_nodes):
             step(source)
@@ -212,6 +213,15 @@ def _check_depth(document: Any) -> None:
         if not level:
             return
     raise Broken(f"the JSON text is nested too deeply: at most {_DEEPEST} levels are possible")
+
+
+def _check_texts(document: Document) -> None:
+    """Raise `Broken` for a text outside of the table, such as a custom property, that Blender cannot store."""
+    try:
+        json.dumps(document, ensure_ascii=False).encode()
+    except UnicodeEncodeError as error:
+        text = error.object[max(error.start - 20, 0) : error.end + 20]
+        raise Broken(f"the text {shown(text)} is not Unicode: it has half of a surrogate pair") from error
 
 
 def _check_views(source: _Source) -> None:

@@ -44,16 +44,21 @@ class Whole:
 
 @dataclass(frozen=True)
 class Index:
-    """The number of an entry in a list of the document."""
+    """The number of an entry in a list of the document. Dots divide the names on the way to the list."""
 
     of: str
 
     def fault(self, value: Any, document: Document) -> str | None:
-        entries = document.get(self.of)
-        count = len(entries) if isinstance(entries, list) else 0
+        count = len(self._entries(document))
         if type(value) is int and 0 <= value < count:
             return None
         return f"a number from 0 to {count - 1} in {self.of!r}" if count else f"in {self.of!r}, which is empty"
+
+    def _entries(self, document: Document) -> list[Any]:
+        part: Any = document
+        for name in self.of.split("."):
+            part = part.get(name) if isinstance(part, dict) else None
+        return part if isinstance(part, list) else []
 
 
 @dataclass(frozen=True)
@@ -112,7 +117,7 @@ class Several:
         if self.least <= len(value) <= self.most:
             return None
         length = f"{self.least}" if self.least == self.most else f"{self.least} to {self.most}"
-        return f"a list of {length} entries (it has {len(value)})"
+        return f"a list of {length} entries"
 
 
 @dataclass(frozen=True)
@@ -269,8 +274,12 @@ _NODE = Record(
         "rotation": _numbers(4),
         "scale": _numbers(3),
         "weights": Several(Number(), most=1000),
-        "extensions": Named(
-            Record({"attributes": _ATTRIBUTES, "ids": Several(Index("nodes")), "light": Whole(0, 10_000)})
+        "extensions": Record(
+            {
+                "EXT_mesh_gpu_instancing": Record({"attributes": _ATTRIBUTES}, ("attributes",)),
+                "KHR_lights_punctual": Record({"light": Index("extensions.KHR_lights_punctual.lights")}, ("light",)),
+                "MSFT_lod": Record({"ids": Several(Index("nodes"))}),
+            }
         ),
     },
 )
@@ -434,7 +443,7 @@ _DOCUMENT = Record(
         "cameras": Several(_CAMERA, most=1000),
         "extensions": Record(
             {
-                "KHR_lights_punctual": Record({"lights": Several(_LIGHT, most=1000)}),
+                "KHR_lights_punctual": Record({"lights": Several(_LIGHT, most=1000)}, ("lights",)),
                 "KHR_materials_variants": Record({"variants": Several(Record({"name": Text()}), most=1000)}),
             }
         ),

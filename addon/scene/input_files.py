@@ -24,7 +24,9 @@ _EMPTY = 1 << 26
 
 def shown(value: object, longest: int = 60) -> str:
     """Return a value as text in one line of ASCII, shortened in the middle."""
-    text = value if isinstance(value, str) else type(value).__name__ if isinstance(value, dict | list) else str(value)
+    if isinstance(value, list | dict):
+        return f"a list of {len(value)} entries" if isinstance(value, list) else "an object"
+    text = str(value)
     half = (longest - 3) // 2
     escaped = ascii(text if len(text) <= longest else f"{text[:half]}...{text[-half:]}")
     return escaped if isinstance(value, str) else escaped[1:-1]
