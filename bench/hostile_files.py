@@ -28,7 +28,7 @@ class Case:
     write: Write
 
 
-VALUES = (-1, 2**31, 2**63, 10**30, 0.5, 1e300, "../../x", True, [], {}, [[]], "\ud800\n")
+VALUES: tuple[Any, ...] = (-1, 2**31, 2**63, 10**30, 0.5, 1e300, "../../x", True, [], {}, [[]], "\ud800\n")
 """Hostile values, in place of any value of a document."""
 
 NAMES = (
@@ -81,11 +81,11 @@ def tree() -> tuple[Document, bytes]:
     corners = (4 * np.arange(len(cards))[:, None] + np.array([0, 1, 2, 0, 2, 3])).astype("<u2")
     parts = [
         cards.reshape(-1, 3).astype("<f4"),
-        np.tile(np.float32([0, 0, 1]), (count, 1)),
-        np.tile(np.float32([[0, 1], [1, 1], [1, 0], [0, 0]]), (len(cards), 1)),
+        np.tile(np.array([0, 0, 1], "<f4"), (count, 1)),
+        np.tile(np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4"), (len(cards), 1)),
         corners.reshape(-1, 1),
-        np.float32([[0], [1]]),
-        np.float32([[0, 0, 0], [0, 0, 1]]),
+        np.array([[0], [1]], "<f4"),
+        np.array([[0, 0, 0], [0, 0, 1]], "<f4"),
         np.frombuffer(png(4), np.uint8),
     ]
     body, views = b"", []
@@ -286,7 +286,7 @@ def _structures(document: Document) -> Iterator[tuple[str, Document | bytes]]:
     text = json.dumps(document)
 
     def having(**lists: Any) -> Document:
-        still = {"animations": []} if "nodes" in lists else {}  # Animations refer to nodes.
+        still: Document = {"animations": []} if "nodes" in lists else {}  # Animations refer to nodes.
         return {**copy.deepcopy(document), **still, **lists}
 
     def chain(count: int) -> Document:
@@ -325,6 +325,7 @@ def _structures(document: Document) -> Iterator[tuple[str, Document | bytes]]:
     yield "infinity", text.replace('"yfov": 1', '"yfov": 1e999').encode()
     yield "not UTF-8", text.replace("leaves", "\xff").encode("latin-1")
     yield "two million numbers", (text[:-1] + ', "extras": [' + "1," * 2_100_000 + "1]}").encode()
+    extras: Any
     for extras in ({"level": "x"}, {"level": []}, {"level": 2**62}, {"level": -1}, {}, {"level": 1}, "x", 7):
         yield f"extras.leafcloud = {extras}", changed(document, ("nodes", 1, "extras"), {"leafcloud": extras})
     for extras in (
@@ -342,6 +343,7 @@ def _structures(document: Document) -> Iterator[tuple[str, Document | bytes]]:
         )
     for mode in range(7):
         yield f"mode {mode}", changed(document, ("meshes", 0, "primitives", 0, "mode"), mode)
+    names: list[Any]
     for names in (["FOO"], ["KHR_draco_mesh_compression"], ["\n"], [[]]):
         yield f"required {names}", having(extensionsRequired=names, extensionsUsed=names)
     draco = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}}

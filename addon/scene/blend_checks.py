@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Protocol
 
 import bpy
+import numpy as np
 
 from ..errors import SceneError
 from ..material.images import tile_file
@@ -116,11 +117,13 @@ def _check_name(path: Path, name: str) -> None:
 
 
 def check_opened_blend(path: Path) -> None:
-    """Raise `SceneError` for images of the open file that are too large once decoded."""
+    """Raise `SceneError` for images of the open file that are too large once decoded, and for broken meshes."""
     sizes = ImageSizes()
     try:
         for image in bpy.data.images:
             _check_image(image, sizes)
+        for mesh in bpy.data.meshes:
+            _check_mesh(mesh)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from error
 
@@ -142,3 +145,21 @@ def _check_image(image: bpy.types.Image, sizes: ImageSizes) -> None:
             file = Path(tile_file(pattern, tile.number))
             if exists(file):
                 sizes.check_file(file)
+
+
+def _check_mesh(mesh: bpy.types.Mesh) -> None:
+    """Raise `SceneError` for indices out of range, with which Blender crashes."""
+    vertices, edges = len(mesh.vertices), len(mesh.edges)
+    used = (
+        ("vertices of corners", mesh.loops, "vertex_index", 1, vertices),
+        ("edges of corners", mesh.loops, "edge_index", 1, edges),
+        ("vertices of edges", mesh.edges, "vertices", 2, vertices),
+        ("first corners of faces", mesh.polygons, "loop_start", 1, len(mesh.loops)),
+    )
+    for words, items, name, width, count in used:
+        values = np.zeros(width * len(items), np.int32)
+        items.foreach_get(name, values)
+        if len(values) and not 0 <= (wrong := values.min() if values.min() < 0 else values.max()) < count:
+            raise SceneError(
+                f"the {words} of mesh {mesh.name!r} have the number {wrong}, but must be below {count}: replace the mesh"
+            )

@@ -25,10 +25,10 @@ _Content: TypeAlias = bytes | mmap.mmap
 _Size: TypeAlias = tuple[int, int]
 
 
-def _packed(form: str) -> Callable[[bytes], _Size]:
+def _packed(form: str, *, height_first: bool = False) -> Callable[[bytes], _Size]:
     def size(content: bytes) -> _Size:
-        width, height = struct.unpack(form, content)
-        return abs(width), abs(height)
+        first, second = map(abs, struct.unpack(form, content))
+        return (second, first) if height_first else (first, second)
 
     return size
 
@@ -58,11 +58,11 @@ _FORMATS: tuple[tuple[bytes, Callable[[bytes], _Size]], ...] = (
     (rb"RIFF.{4}WEBPVP8L.{4}\x2f(.{4})", _webp_lossless),
     (rb"RIFF.{4}WEBPVP8 .{7}\x9d\x01\x2a(.{4})", _packed("<HH")),
     (rb"BM.{16}(.{8})", _packed("<ii")),
-    (rb"DDS .{8}(.{8})", _packed("<II")),
-    (rb"8BPS.{10}(.{8})", _packed(">II")),
+    (rb"DDS .{8}(.{8})", _packed("<II", height_first=True)),
+    (rb"8BPS.{10}(.{8})", _packed(">II", height_first=True)),
     (rb"\x76\x2f\x31\x01.{0,65536}?dataWindow\0box2i\0\x10\0\0\0(.{16})", _exr),
     (rb"#\?.{0,4096}?\n(-Y \d{1,9} \+X \d{1,9})\n", _text),
-    (rb"\0\0\0\x0cjP  .{0,4096}?ihdr(.{8})", _packed(">II")),
+    (rb"\0\0\0\x0cjP  .{0,4096}?ihdr(.{8})", _packed(">II", height_first=True)),
     (rb"\xff\x4f\xff\x51.{4}(.{8})", _packed(">II")),
     (rb"SDPX.{768}(.{8})", _packed(">II")),
     (rb"XPDS.{768}(.{8})", _packed("<II")),
