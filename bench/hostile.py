@@ -51,8 +51,8 @@ folder.
 - *escape*: something was written outside of the folder for results.
 
 Images up to 8192 × 8192 texels and scenes up to ten million triangles are no attack: their bakes take minutes and
-gigabytes. Not checked: modifiers and geometry nodes that make huge meshes, and damage inside the blocks of a .blend file,
-which may crash Blender.
+gigabytes. Not checked: modifiers, instances and geometry nodes that fill the memory before a bake can count them, and
+damage inside the blocks of a .blend file, which may crash Blender.
 
 """
 

@@ -161,5 +161,5 @@ def _check_mesh(mesh: bpy.types.Mesh) -> None:
         items.foreach_get(name, values)
         if len(values) and not 0 <= (wrong := values.min() if values.min() < 0 else values.max()) < count:
             raise SceneError(
-                f"the {words} of mesh {mesh.name!r} have the number {wrong}, but must be below {count}: replace the mesh"
+                f"the {words} of mesh {mesh.name!r} have the number {wrong}, not one of {count}: replace the mesh"
             )
