@@ -150,6 +150,12 @@ def test_a_bake_runs_no_script_of_a_file(name: str, folder: Path, tmp_path: Path
     assert not (folder / "escaped").exists()
 
 
+def test_control_characters_of_a_name_do_not_reach_the_terminal(tmp_path: Path) -> None:
+    source = tmp_path / "a\x1b[31m\ntree.glb"
+    source.write_bytes(b"no tree")
+    assert "a\\x1b[31m tree.glb is not glTF" in refusal(tmp_path / "out", "--input", source)
+
+
 def test_a_bake_of_a_hostile_file_ends_in_one_line(folder: Path, tmp_path: Path) -> None:
     source = CASES["structure loop"].write(folder)
     assert "is its own parent" in refusal(tmp_path / "out", "--input", source)
