@@ -402,13 +402,25 @@ def _obj(
     return write
 
 
+def _default_library(folder: Path) -> Path:
+    """Write an OBJ file that names no library, beside a pipe where Blender expects one."""
+    path = _obj(_OBJ.partition("\n")[2])(folder)
+    (folder / "tree.mtl").unlink()
+    os.mkfifo(folder / "tree.mtl")
+    return path
+
+
 def obj_cases() -> Iterator[Case]:
     yield Case("fine obj", _obj(_OBJ))
+    yield Case("obj library by default", _default_library)
+    for path in ("pipe", "/dev/zero"):
+        yield Case(f"obj image continued {path}", _obj(_OBJ, _MTL.replace("leaf.png", f"\\\n{path}")))
     for path in PATHS:
         if "\0" in path or "\ud800" in path:
             continue
         yield Case(f"obj library {path[:30]!a}", _obj(_OBJ.replace("tree.mtl", path)))
         yield Case(f"obj image {path[:30]!a}", _obj(_OBJ, _MTL.replace("leaf.png", path)))
+        yield Case(f"obj base {path[:30]!a}", _obj(_OBJ, _MTL.replace("leaf.png", f"far/away/{path}")))
         yield Case(f"obj option {path[:30]!a}", _obj(_OBJ, _MTL.replace("leaf.png", f"-s 1 1 1 {path}")))
     for corner in (
         "0",

@@ -132,7 +132,7 @@ class _Source:
             content = _embedded(uri, place)
             found = _Buffer(len(content), content=content)
         else:
-            path = file_in(self.home, path_of(uri), place)
+            path = file_in(self.home, self.home / path_of(uri), place)
             found = _Buffer(check_regular(path), path)
         if buffer["byteLength"] > found.size:
             raise Broken(f"{place} has {buffer['byteLength']} bytes, but its data has {found.size}")
@@ -352,7 +352,7 @@ def _check_images(source: _Source) -> None:
             sizes.check(source.buffers[view["buffer"]].read(view.get("byteOffset", 0), view["byteLength"]), place)
         elif uri is not None and uri.startswith("data:"):
             sizes.check(_embedded(uri, place), place)
-        elif uri is not None and exists(path := file_in(source.home, path_of(uri), place)):
+        elif uri is not None and exists(path := file_in(source.home, source.home / path_of(uri), place)):
             sizes.check_file(path)
 
 

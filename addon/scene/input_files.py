@@ -32,20 +32,20 @@ def shown(value: object, longest: int = 60) -> str:
     return escaped if isinstance(value, str) else escaped[1:-1]
 
 
-def file_in(home: Path, name: str, user: str) -> Path:
-    """Return the path of the file `name` in the folder `home` (resolved). The file may be missing.
+def file_in(home: Path, named: Path, user: str) -> Path:
+    """Return a path without `..`, which must lie in the folder `home` (resolved). The file may be missing.
 
     `user`: the part of the input that names the file. Raises `SceneError` for a path that leaves the folder, also by a
     link, or that the system cannot have.
     """
     try:
-        path = Path(os.path.normpath(home / name))
+        path = Path(os.path.normpath(named.absolute()))
         resolved = path.resolve()
     except (ValueError, OSError, RuntimeError) as error:
-        raise SceneError(f"{user} names the file {shown(name)}, which is no path: rename the file") from error
+        raise SceneError(f"{user} names the file {shown(str(named))}, which is no path: rename the file") from error
     if not resolved.is_relative_to(home):
         raise SceneError(
-            f"{user} names the file {shown(name)} outside of the folder {home}: copy the file into the folder"
+            f"{user} names the file {shown(str(named))} outside of the folder {home}: copy the file into the folder"
         )
     return path
 

@@ -19,11 +19,11 @@ from ..mesh.realise import first_not_finite
 from .image_sizes import ImageSizes
 from .input_files import CHUNK, check_regular, exists, file_in, opened
 
-_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", re.MULTILINE)
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[ \t]+([^\n]+)", re.MULTILINE)
 _VERTEX = re.compile(rb"^[ \t]*v[ \t]+(.*)$", re.MULTILINE)
 # Matches numbers that float32 may not hold: "nan", "inf", "1e39". Only lines with a match are parsed.
 _SUSPICIOUS = re.compile(rb"nan|inf|e\+?(?:3[89]|[4-9]\d|\d{3})", re.IGNORECASE)
-_MAP = re.compile(rb"^[ \t]*(?:map_\w+|norm|bump|disp|decal|refl)[ \t]+([^\r\n]+)", re.MULTILINE | re.IGNORECASE)
+_MAP = re.compile(rb"^[ \t]*(?:map_\w+|norm|bump|disp|decal|refl)[ \t]+([^\n]+)", re.MULTILINE | re.IGNORECASE)
 
 _MOST_LIBRARY = 1 << 26
 """Limit on the bytes of a material library."""
@@ -42,6 +42,9 @@ def check_obj(path: Path) -> None:
         if _SUSPICIOUS.search(block):
             _check_vertices(path, block, vertices)
         vertices += len(_VERTEX.findall(block))
+    default = path.with_suffix(".mtl")  # Blender reads it, too.
+    if exists(default):
+        libraries[default.name] = None
     images = ImageSizes()
     for library in libraries:
         _check_library(path, home, library, images)
@@ -67,7 +70,7 @@ def _name(words: bytes) -> str:
 
 
 def _check_library(path: Path, home: Path, name: str, images: ImageSizes) -> None:
-    library = file_in(home, name, str(path))
+    library = file_in(home, home / name, str(path))
     if not exists(library):
         raise SceneError(
             f"{path.parent / name} does not exist, but {path.name} reads its materials from it; put the file there"
@@ -79,18 +82,32 @@ def _check_library(path: Path, home: Path, name: str, images: ImageSizes) -> Non
     materials = len(re.findall(rb"^[ \t]*newmtl\b", content, re.MULTILINE))
     if materials > _MOST_MATERIALS:
         raise SceneError(f"{library} has {materials} materials, more than {_MOST_MATERIALS}: remove materials")
-    for line in dict.fromkeys(_MAP.findall(content)):
+    joined = content.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")  # Backslashes may continue lines.
+    for line in dict.fromkeys(_MAP.findall(content) + _MAP.findall(joined)):
         _check_map(library, home, _name(line), images)
 
 
 def _check_map(library: Path, home: Path, line: str, images: ImageSizes) -> None:
     """Raise `SceneError` for an image that Blender must not read. `line`: options and the image's file."""
+    for name in _spellings(line):
+        # Blender looks beside the library first, then in the working directory.
+        found = next((each for each in (library.parent / name, Path(name)) if exists(each)), None)
+        if found is not None:
+            images.check_file(file_in(home, found, str(library)))
+
+
+def _spellings(line: str) -> dict[str, None]:
+    """Return all names of files for which Blender may look: without options, quotes, underscores or folders."""
     words = line.split()
-    for first in range(min(len(words), 32)):  # Options have less words than that.
-        name = line if first == 0 else line.split(None, first)[-1]
-        for spelled in dict.fromkeys((name, name.strip('"'), name.replace("_", " "), name.replace("\\", "/"))):
-            if exists(home / spelled):
-                images.check_file(file_in(home, spelled, str(library)))
+    found = [line, *(line.split(None, first)[-1] for first in range(1, min(len(words), 32)))]
+    for change in (
+        lambda name: name.strip('"'),
+        lambda name: name.replace("_", " "),
+        lambda name: name.replace("\\", "/"),
+        os.path.basename,
+    ):
+        found += map(change, found.copy())
+    return dict.fromkeys(filter(None, found))
 
 
 def _check_vertices(path: Path, block: bytes, first: int) -> None:
