@@ -113,6 +113,46 @@ def test_the_tree_without_a_change_is_read(kind: str, folder: Path) -> None:
     assert len(extract(bpy.context.evaluated_depsgraph_get(), None).leaves.triangles) >= 24
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"export_format": "GLB"},
+        {"export_format": "GLTF_SEPARATE", "export_texture_dir": "deep"},
+        {"export_format": "GLB", "export_draco_mesh_compression_enable": True},
+        {"export_format": "GLB", "export_gpu_instances": True},
+        {"export_format": "GLB", "export_try_sparse_sk": True, "export_attributes": True},
+    ],
+    ids=lambda options: " ".join(map(str, options.values())),
+)
+def test_files_of_blenders_exporter_are_read(options: dict[str, object], shrub: Path, tmp_path: Path) -> None:
+    """The shrub twice, with morph targets, an animation, bones, a light and a camera."""
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    leaves = bpy.data.objects["leaves"]
+    leaves.shape_key_add(name="Basis")
+    leaves.shape_key_add(name="moved").data[0].co = (0.0, 0.0, 2.0)
+    leaves.data.attributes.new("_AGE", "FLOAT", "POINT")
+    leaves.keyframe_insert("location", frame=1)
+    bones = bpy.data.objects.new("bones", bpy.data.armatures.new("bones"))
+    copy = bpy.data.objects["branches"].copy()
+    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SPOT"))
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    for obj in (bones, copy, lamp, camera):
+        bpy.context.scene.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = bones
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones.data.edit_bones.new("stem").tail = (0.0, 0.0, 1.0)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    skin = bpy.data.objects["branches"]
+    skin.parent = bones
+    skin.modifiers.new("bones", "ARMATURE").object = bones
+    skin.vertex_groups.new(name="stem").add(range(len(skin.data.vertices)), 1.0, "REPLACE")
+    path = tmp_path / ("tree.gltf" if options["export_format"] == "GLTF_SEPARATE" else "tree.glb")
+    bpy.ops.export_scene.gltf(filepath=str(path), export_lights=True, export_cameras=True, **options)
+    load(path)
+    assert {"leaves", "branches", "bones", "lamp", "camera"} <= {obj.name for obj in bpy.data.objects}
+    assert len(bpy.data.objects["leaves"].data.polygons) == 1344
+
+
 def test_a_million_instances_are_refused(folder: Path, tmp_path: Path) -> None:
     source = CASES["blend 1000000 instances"].write(folder)
     line = refusal(tmp_path / "out", "--input", source)
