@@ -1,6 +1,6 @@
 """Bakes hostile files, and counts how the bakes end: `make hostile`.
 
-usage: python bench/hostile.py [--only PATTERN] [--sample N] [--list]
+usage: python bench/hostile.py [--only PATTERN] [--sample N] [--list]      (default: all files, an hour)
 
 Each file is a small tree with one change (`hostile_files`, `hostile_blends`), in a folder with a pipe, links, a sparse
 file and a file outside of it. Each bake has a process, a folder of its own, SECONDS, and MEMORY; two run at a time. If
@@ -78,7 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from hostile_blends import blend_cases
     from hostile_files import gltf_cases, obj_cases
 
-    cases = [case for case in (*gltf_cases(), *obj_cases(), *blend_cases()) if re.search(options.only, case.name)]
+    every = [*gltf_cases(), *obj_cases(), *blend_cases()]
+    cases = [case for case in every if re.search(options.only, case.name)]
     if options.sample is not None and options.sample < len(cases):
         chosen = set(random.Random(SEED).sample(range(len(cases)), options.sample))
         cases = [case for number, case in enumerate(cases) if number in chosen]
@@ -97,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             waiting.append(pool.submit(_bake, case.name, source, folder, free))
         for each in waiting:
             ends.append(each.result())
-    text = table(ends)
+    text = f"{len(ends)} of {len(every)} files:\n\n{table(ends)}"
     print(text)
     if not options.only:
         (ROOT / "docs" / "hostile.md").write_text(INTRODUCTION + text, encoding="utf-8")
