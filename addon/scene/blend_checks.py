@@ -36,6 +36,9 @@ _MOST_UNPACKED = 200
 _FREE = 1 << 28
 """Number of bytes that a compressed file may always have without compression."""
 
+_DEEPEST = 200
+"""Limit on the parents of an object."""
+
 
 class _Reader(Protocol):
     def read(self, size: int, /) -> bytes: ...
@@ -117,13 +120,14 @@ def _check_name(path: Path, name: str) -> None:
 
 
 def check_opened_blend(path: Path) -> None:
-    """Raise `SceneError` for images of the open file that are too large once decoded, and for broken meshes."""
+    """Raise `SceneError` if the open file has images that are too large, broken meshes, or too many parents."""
     sizes = ImageSizes()
     try:
         for image in bpy.data.images:
             _check_image(image, sizes)
         for mesh in bpy.data.meshes:
             _check_mesh(mesh)
+        _check_parents()
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from error
 
@@ -145,6 +149,19 @@ def _check_image(image: bpy.types.Image, sizes: ImageSizes) -> None:
             file = Path(tile_file(pattern, tile.number))
             if exists(file):
                 sizes.check_file(file)
+
+
+def _check_parents() -> None:
+    """Raise `SceneError` for objects with too many parents: Blender's glTF exporter calls itself for each."""
+    children = {obj: obj.parent for obj in bpy.data.objects if obj.parent is not None}
+    for _ in range(_DEEPEST):
+        # Each round goes up one parent.
+        children = {obj: above.parent for obj, above in children.items() if above.parent is not None}
+    if children:
+        name = next(iter(children)).name
+        raise SceneError(
+            f"object {name!r} has more than {_DEEPEST} parents: clear the parents of some, keeping transforms"
+        )
 
 
 def _check_mesh(mesh: bpy.types.Mesh) -> None:

@@ -83,6 +83,7 @@ REFUSED = {
     "blend generated image 16384": "image 'leaf' has 16384 × 16384 texels",
     "blend packed image 65536": "image 'leaf' has 65536 × 65536 texels",
     "blend indices out of range": "the vertices of corners of mesh 'leaves' have the number 1000000000",
+    "blend 2000 parents": "has more than 200 parents",
     "blend sparse": "of its 100000000000 bytes",
     "blend zstd bomb": "more than the file",
 }
