@@ -164,6 +164,10 @@ bench-batch: setup .venv/.test ## time batches of bakes with one and two process
 faults: setup ## break bakes in many ways and look at what they leave: docs/reliability.md (an hour; needs root)
 	.venv/bin/python bench/faults.py $(ARGS)
 
+.PHONY: hostile
+hostile: setup ## bake hostile files and count how the bakes end: docs/hostile.md (an hour; ARGS='--sample 400' for less)
+	.venv/bin/python bench/hostile.py $(ARGS)
+
 .PHONY: bench-stability
 bench-stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
 	.venv/bin/python bench/stability.py

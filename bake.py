@@ -120,6 +120,8 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
         return _bake(options, settings, console)
     except (SceneError, leafcloud.LeafcloudError) as error:
         raise Refusal(with_flags(str(error))) from error
+    except MemoryError as error:
+        raise Refusal(f"the memory is full: {error or 'no size is known'}; use a smaller tree or textures") from error
 
 
 def _find_blender() -> None:
@@ -304,6 +306,12 @@ def _refusing(directory: Path) -> Iterator[None]:
         raise Refusal(f"cannot write to {directory}: {error.strerror or error}; {remedy}") from error
 
 
+def _printable(text: str) -> str:
+    """Return a text in one line, with control characters of names as escape sequences: they command terminals."""
+    line = " ".join(text.split())
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in line)
+
+
 class _Console:
     """Standard output and error for the program's own messages, while Blender's output goes into a log."""
 
@@ -318,10 +326,10 @@ class _Console:
 
     def warn(self, warnings: Sequence[str]) -> None:
         for warning in warnings:
-            print(f"{PROGRAM}: warning: {warning}", file=self._err, flush=True)
+            print(f"{PROGRAM}: warning: {_printable(warning)}", file=self._err, flush=True)
 
     def note(self, text: str) -> None:
-        print(f"{PROGRAM}: note: {text}", file=self._err, flush=True)
+        print(f"{PROGRAM}: note: {_printable(text)}", file=self._err, flush=True)
 
     def camera_notes(self, notes: Sequence[CameraNote]) -> None:
         from addon.settings.flags import with_flags
@@ -331,7 +339,7 @@ class _Console:
             self.note(with_flags(note.text + remedy))
 
     def refuse(self, reason: str) -> None:
-        print(f"{PROGRAM}: {' '.join(reason.split())}", file=self._err, flush=True)
+        print(f"{PROGRAM}: {_printable(reason)}", file=self._err, flush=True)
 
 
 class _Stages:

@@ -47,11 +47,11 @@ def _missing_tile(image: bpy.types.Image) -> str | None:
     if image.source != "TILED" or not image.filepath or len(image.packed_files) > 0:
         return None
     pattern = bpy.path.abspath(image.filepath, library=image.library)
-    files = (_tile_file(pattern, tile.number) for tile in image.tiles)
+    files = (tile_file(pattern, tile.number) for tile in image.tiles)
     return next((file for file in files if not Path(file).is_file()), None)
 
 
-def _tile_file(pattern: str, number: int) -> str:
+def tile_file(pattern: str, number: int) -> str:
     """Return the file of tile 1001 + u + 10 v: insert that number, or u and v counted from 1."""
     v, u = divmod(number - 1001, 10)
     return pattern.replace("<UDIM>", str(number)).replace("<UVTILE>", f"u{u + 1}_v{v + 1}")

@@ -23,6 +23,9 @@ PROTECT = "Leafcloud Protect"
 """Name of the vertex group or attribute (points, corners or faces) in which an artist paints leaves never to prune."""
 _NUMBERS = ("FLOAT", "INT", "INT8", "BOOLEAN")
 """Allowed data types of that attribute."""
+MOST_TRIANGLES = 10_000_000
+"""Limit on the triangles of a scene with all instances. They take gigabytes."""
+
 _COMPONENTS = {
     **dict.fromkeys(_NUMBERS, ("value", 1)),
     "FLOAT2": ("vector", 2),
@@ -183,7 +186,7 @@ def gather(
 
     Curves, texts and the like count with their generated meshes. The order follows the objects' names, not the order
     of evaluation. Also returns a sentence for each thing left out.
-    Raises `SceneError` if an object's own matrix is singular or not finite.
+    Raises `SceneError` if an object's own matrix is singular or not finite, or above `MOST_TRIANGLES`.
     """
     shown, unseen = _shown(depsgraph, objects)
     standing: list[Copies] = []
@@ -219,6 +222,7 @@ def _shown(
     matrices: dict[tuple[object, ...], list[NDArray[np.float64]]] = {}
     randoms: dict[tuple[object, ...], list[float]] = {}
     unseen = {} if wanted is None else {obj.name: "has no faces, or is hidden" for obj in wanted}
+    triangles = 0
     for instance in depsgraph.object_instances:
         obj = instance.object
         owner = instance.parent if instance.is_instance else obj
@@ -230,6 +234,13 @@ def _shown(
         if len(obj.data.polygons) == 0:
             unseen.setdefault(owner.name, "has no faces")
             continue
+        triangles += len(obj.data.loops) - 2 * len(obj.data.polygons)
+        if triangles > MOST_TRIANGLES:
+            # Raise at once, although Blender never frees the rest of the instances: millions more take seconds.
+            raise SceneError(
+                f"the scene has more than {MOST_TRIANGLES} triangles with all instances, counted to object "
+                f"{owner.name!r}: use fewer instances, or bake parts of the scene apart"
+            )
         materials = _materials(obj)
         key = (owner.original, obj.original, obj.data.as_pointer(), materials)
         if key not in found:

@@ -177,13 +177,17 @@ def _scale(matrix: Matrix) -> float:
 
 def _may_move(obj: bpy.types.Object, known: set[bpy.types.Object]) -> bool:
     """Return whether an object, its parents or its constraint targets may move over the frames."""
-    if obj in known:
-        return False
-    known.add(obj)
-    if _is_animated(obj) or _is_animated(obj.data) or obj.rigid_body is not None:
-        return True
-    targets = [getattr(constraint, "target", None) for constraint in obj.constraints]
-    return any(_may_move(other, known) for other in (obj.parent, *targets) if other is not None)
+    waiting = [obj]
+    while waiting:  # A chain of parents can be longer than Python's stack allows.
+        current = waiting.pop()
+        if current in known:
+            continue
+        known.add(current)
+        if _is_animated(current) or _is_animated(current.data) or current.rigid_body is not None:
+            return True
+        targets = [getattr(constraint, "target", None) for constraint in current.constraints]
+        waiting += [other for other in (current.parent, *targets) if other is not None]
+    return False
 
 
 def _is_animated(block: bpy.types.ID | None) -> bool:
