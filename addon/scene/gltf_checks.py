@@ -340,7 +340,7 @@ def _check_nodes(source: _Source) -> None:
     accessors = source.list("accessors")
     objects = len(nodes) + sum(max((accessors[each]["count"] for each in one.values()), default=0) for one in instances)
     if objects > _MOST_OBJECTS:
-        raise Broken(f"nodes and their instances are {objects} objects, more than {_MOST_OBJECTS}")
+        raise Broken(f"nodes and their instances are {objects} objects, more than {_MOST_OBJECTS}: join them")
 
 
 def _check_images(source: _Source) -> None:
