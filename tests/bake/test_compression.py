@@ -101,7 +101,7 @@ def test_the_command_reads_the_promises_of_compressed_files(folders: dict[str, P
     plain, packed = (inspect(folders[name] / "shrub.glb") for name in ("three", "three compressed"))
     assert [(each.name, each.holds) for each in packed.checks] == [(each.name, each.holds) for each in plain.checks]
     assert all(each.holds for each in packed.checks)
-    assert ("Blender, Godot, Unreal, Bevy", "cannot open compressed meshes") in packed.engines
+    assert ("Babylon.js, Blender, Godot, Unreal, Bevy", "cannot open compressed meshes") in packed.engines
 
 
 def test_engines_that_cannot_read_compressed_meshes_refuse_the_setting(shrub: Path, tmp_path: Path) -> None:

@@ -45,6 +45,9 @@ if "large" in words:
     time.sleep(60)
 if "crash" in words:
     os.abort()
+if "--wrong" in given:
+    print("bake.py: error: unrecognized arguments: --wrong", file=sys.stderr)
+    sys.exit(2)
 if "refused" in words:
     sys.exit("bake.py: note: a note\\nbake.py: the tree has no leaves: add some")
 print("bake.py: warning: <thin> leaves", file=sys.stderr)

@@ -199,7 +199,7 @@ def test_a_complete_commit_of_a_killed_bake_stays_for_the_next_one(tmp_path: Pat
             (folder / file).write_text("{}")
     (studio.out / "ash" / "batch.json").write_text("{}")
     assert studio.run() == 1
-    assert [each.name for each in (studio.out / "ash").iterdir()] == [".leafcloud-b"]
+    assert sorted(each.name for each in (studio.out / "ash").iterdir()) == [".leafcloud-b", "batch.json"]
 
 
 def test_lists_of_files_are_read_in_time(tmp_path: Path) -> None:
@@ -208,3 +208,16 @@ def test_lists_of_files_are_read_in_time(tmp_path: Path) -> None:
     begin = time.monotonic()
     assert len(files_of(tmp_path / "tree.obj")) == 2
     assert time.monotonic() - begin < 5.0
+
+
+def test_wrong_flags_stop_the_batch_and_lose_nothing(studio: Studio, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("ash", "elm", "fir", "oak"):
+        studio.add(name)
+    assert studio.run("--", "--levels", 1) == 0
+    page = (studio.out / "index.html").read_text()
+    assert studio.run("--processes", 1, "--", "--wrong") == 2
+    assert "the flags behind -- are wrong: error: unrecognized arguments: --wrong" in capsys.readouterr().err
+    assert len(studio.calls) < 8, "it does not try all trees"
+    assert (studio.out / "index.html").read_text() == page
+    assert studio.run("--", "--levels", 1) == 0
+    assert {row["skipped"] for row in studio.rows.values()} == {True}

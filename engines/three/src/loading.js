@@ -21,7 +21,7 @@ export async function loadFile(url, renderer, { transcoder, manager, onProgress 
     try {
       loader.setKTX2Loader(await textureLoader(renderer, transcoder ?? import.meta.resolve(TRANSCODER)));
     } catch (error) {
-      console.warn(`PNG textures are drawn in place of KTX2, because its transcoder cannot be read: ${error.message}`);
+      console.warn(`PNG textures are drawn in place of KTX2, because its transcoder cannot be read (copy three/examples/jsm/libs/basis to your site, and call loader.setTranscoderPath): ${error.message}`);
     }
   }
   return loader.loadAsync(url, onProgress);

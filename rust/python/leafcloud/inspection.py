@@ -342,8 +342,9 @@ def _engines(file: GlbFile, levels: tuple[LevelRow, ...]) -> Iterator[tuple[str,
         yield "Unreal", "static meshes drop morph targets"
     if any(picture.kind == "KTX2" for level in levels for picture in level.pictures):
         yield "Bevy", "does not read KHR_texture_basisu; it draws the PNG textures"
+        yield "Godot", "draws the KTX2 textures far too dark: bake with --engine godot"
     if {"EXT_meshopt_compression", "KHR_meshopt_compression"} & {*file.document.get("extensionsRequired", [])}:
-        yield "Blender, Godot, Unreal, Bevy", "cannot open compressed meshes"
+        yield "Babylon.js, Blender, Godot, Unreal, Bevy", "cannot open compressed meshes"
     if "MSFT_lod" in file.document.get("extensionsUsed", []):
         yield "glTFast, Unreal, Bevy", "show level 0 only: they do not read MSFT_lod"
 

@@ -28,6 +28,8 @@ const TARGET_FORMAT := (
 func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error:
 	if not extensions.has("MSFT_lod"):
 		return ERR_SKIP
+	if extensions.has("KHR_texture_basisu"):
+		push_warning("Leafcloud: Godot draws the KTX2 textures of this file far too dark. Bake it with --engine godot.")
 	# The other levels are in no scene, so that plain readers show the tree once.
 	var json := state.json
 	var levels := []

@@ -58,6 +58,8 @@ func _rebuild() -> void:
 				"drawing": _drawing(part, offset * box),
 			})
 	source.free()
+	if _levels.is_empty():
+		push_error("%s has no levels of Leafcloud. Use the file with all levels, without _LOD in its name; if it was imported before the plugin was turned on, reimport it." % tree.resource_path)
 
 
 func _process(_delta: float) -> void:

@@ -126,7 +126,6 @@ def _rows(
                 tell(begun)
                 yield begun
             else:
-                forget(batch.out / tree.name)
                 _send(client, _Sent(tree, begun, _task_of(tree, batch, program, name)), sent, ended)
         try:
             future = ended.get(timeout=0.2)
@@ -138,6 +137,8 @@ def _rows(
             _send(client, replace(job, tried=(*job.tried, result.worker)), sent, ended)
             continue
         row = end(job.tree, batch, job.key, _kept(result, batch.out / job.tree.name))
+        if row.outcome.wrong_flags:
+            stop.set()
         tell(row)
         yield row
 
@@ -177,6 +178,7 @@ def _kept(result: Result, folder: Path) -> Outcome:
         return result.outcome
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        forget(folder)
         listed = (report_in(folder) or {}).get("files", [])
         earlier = {name for name in listed if isinstance(name, str) and Path(name).name == name}
         with tempfile.TemporaryDirectory(prefix=".leafcloud-", dir=folder) as hidden:

@@ -59,6 +59,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except LeafcloudError as error:
             print(f"leafcloud-batch: {error}", file=sys.stderr)
             return 1
+    wrong = next((row for row in rows if row.outcome.wrong_flags), None)
+    if wrong is not None:
+        print(f"leafcloud-batch: the flags behind -- are wrong: {wrong.outcome.reason}", file=sys.stderr)
+        return 2
     try:
         _write(rows, batch.out)
     except OSError as error:

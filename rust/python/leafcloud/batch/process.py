@@ -54,10 +54,22 @@ class Outcome:
     seconds: float
     memory: int
     warnings: tuple[str, ...] = ()
+    status: int | None = None
+    """Exit status of the process, below 0 if a signal ended it; None if it did not run."""
 
     @property
     def done(self) -> bool:
         return not self.reason
+
+    @property
+    def wrong_flags(self) -> bool:
+        """Whether `bake.py` refused its command line, as it will for every tree."""
+        return self.status == 2
+
+    @property
+    def unchanged(self) -> bool:
+        """Whether `bake.py` ended without a result, but was not killed in its midst: then it has changed no file."""
+        return not self.done and self.status in (1, 2, 128 + signal.SIGTERM, -signal.SIGTERM)
 
 
 def bake(command: Sequence[str], source: Path, out: Path, flags: Sequence[str], limits: Limits, stop: Event) -> Outcome:
@@ -91,7 +103,7 @@ def bake(command: Sequence[str], source: Path, out: Path, flags: Sequence[str], 
     _remove_unfinished(out)
     reason = broken or ("" if process.returncode == 0 else _reason(process.returncode, lines))
     warnings = tuple(line.partition("warning: ")[2] for line in lines if line.startswith("bake.py: warning: "))
-    return Outcome(reason, time.monotonic() - begin, most, warnings)
+    return Outcome(reason, time.monotonic() - begin, most, warnings, process.returncode)
 
 
 def _remove_unfinished(out: Path) -> None:

@@ -52,7 +52,7 @@ class Row:
 def run(trees: Sequence[Tree], batch: Batch, stop: Event, tell: Callable[[Row], None]) -> list[Row]:
     """Bake all trees, and return their rows in the same order. `tell` gets each row as soon as its bake ends.
 
-    After `stop` is set no further bake begins; the trees that are left out have no row.
+    After `stop` is set no further bake begins; the trees that are left out have no row. Wrong flags set it.
     """
     program = version_of(batch.command)
     rows: dict[Tree, Row] = {}
@@ -63,6 +63,8 @@ def run(trees: Sequence[Tree], batch: Batch, stop: Event, tell: Callable[[Row], 
                 row = job.result()
                 if row is not None:
                     rows[row.tree] = row
+                    if row.outcome.wrong_flags:
+                        stop.set()
                     tell(row)
         except BaseException:
             stop.set()
@@ -76,8 +78,11 @@ def _row(tree: Tree, batch: Batch, program: str, stop: Event) -> Row | None:
     begun = begin(tree, batch, program)
     if isinstance(begun, Row):
         return begun
-    forget(batch.out / tree.name)
-    outcome = bake(batch.command, tree.file, batch.out / tree.name, batch.flags, batch.limits, stop)
+    folder = batch.out / tree.name
+    before = forget(folder)
+    outcome = bake(batch.command, tree.file, folder, batch.flags, batch.limits, stop)
+    if outcome.unchanged and before is not None:
+        write_whole(folder / RECORD, before)
     return end(tree, batch, begun, outcome)
 
 
@@ -92,10 +97,14 @@ def begin(tree: Tree, batch: Batch, program: str) -> Row | str:
     return key if known is None else Row(tree, known, True, report_in(folder))
 
 
-def forget(folder: Path) -> None:
-    """Remove the record of an earlier bake: from now on the folder may have files of two."""
-    with suppress(OSError):
-        (folder / RECORD).unlink(missing_ok=True)
+def forget(folder: Path) -> str | None:
+    """Remove the record of an earlier bake, because the folder may soon have files of two. Return its text, if any."""
+    try:
+        text = (folder / RECORD).read_text(encoding="utf-8").rstrip("\n")
+        (folder / RECORD).unlink()
+    except (OSError, ValueError):
+        return None
+    return text
 
 
 def end(tree: Tree, batch: Batch, key: str, outcome: Outcome) -> Row:
