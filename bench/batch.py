@@ -107,7 +107,7 @@ def main() -> None:
     single = sum(timed(*command) for command in bakes)
     rows = [("one by one", single)]
     for processes in (1, 2):
-        rows.append((f"{processes} processes", batch(trees, scratch / str(processes), "--processes", processes)))
+        rows.append((f"{processes} at once", batch(trees, scratch / str(processes), "--processes", processes)))
     with cluster(scratch) as address:
         rows.append((f"{WORKERS} Dask workers", batch(trees, scratch / "dask", "--scheduler", address)))
     rows.append(("again, unchanged", batch(trees, scratch / "1", "--processes", 1)))
