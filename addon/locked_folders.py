@@ -19,7 +19,7 @@ _SURELY_DEAD = 24.0 * 3600.0
 
 
 def left_behind(directory: Path, prefix: str) -> Iterator[Path]:
-    """Yield the folders of `locked_folder` in `directory` whose processes have ended, each locked for its turn."""
+    """Yield the folders of `locked_folder` in `directory` that ended processes left, each locked for its turn."""
     for folder in directory.glob(f"{prefix}*"):
         with suppress(OSError), _lock_of(folder) as lock:
             if folder.is_symlink() or not folder.is_dir():

@@ -1,4 +1,4 @@
-"""Breaks bakes in many ways, and looks at what they leave: `make faults`.
+"""Breaks bakes in many ways, and counts lost and broken files: `make faults`.
 
 usage: python bench/faults.py [--times N]      (default: 34 of each kind)
 

@@ -1,4 +1,4 @@
-"""A forest in a GLB file: the chain of a tree, whose level 0 stands in many places by `EXT_mesh_gpu_instancing`.
+"""A forest in a GLB file: the chain of a tree with its level 0 in many places, by `EXT_mesh_gpu_instancing`.
 
 A reader that knows the extension draws all trees in one call, with their leaves. Our packages draw each tree by the
 level for its distance: they take the places from the extension, and the levels from `MSFT_lod`. A reader without the

@@ -134,12 +134,12 @@ class Named:
 
 @dataclass(frozen=True)
 class Record:
-    """An object with fields, of which some are needed."""
+    """An object with fields; some are needed."""
 
     fields: Mapping[str, Kind]
     needed: tuple[str, ...] = ()
     exclusive: tuple[str, ...] = ()
-    """Fields of which an object has one at most."""
+    """Fields that exclude each other in an object."""
 
     def fault(self, value: Any, document: Document) -> str | None:
         if not isinstance(value, dict):

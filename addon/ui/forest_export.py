@@ -74,8 +74,8 @@ def planted(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def places_of(obj: bpy.types.Object, graph: bpy.types.Depsgraph) -> dict[str, NDArray[np.float64]]:
-    """Return the places (n, 4, 4) of the trees that are drawn on `obj`, by the tree's name: what moves, turns and
-    scales a variant, which stands at the origin, beyond its own turn and scale."""
+    """Return the places (n, 4, 4) of the trees that are drawn on `obj`, by the tree's name. A place moves, turns
+    and scales a variant from the origin, beyond its own turn and scale."""
     variants = {
         variant.objects[0].name: (match[1], variant.objects[0])
         for collection in bpy.data.collections

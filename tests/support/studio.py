@@ -80,7 +80,7 @@ class Studio:
 
     @property
     def calls(self) -> list[str]:
-        """The trees whose bakes began, in order of their beginning."""
+        """The trees of all begun bakes, in order of their beginning."""
         log = self.out / "calls.log"
         return log.read_text().split() if log.exists() else []
 

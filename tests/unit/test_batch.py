@@ -1,4 +1,4 @@
-"""Batches of bakes: what is skipped, what ends a bake, and what a batch leaves behind.
+"""Batches of bakes: skipped trees, limits, signals, and files left behind.
 
 Most tests run a small program in place of `bake.py`, with its command line, files and exit statuses.
 """

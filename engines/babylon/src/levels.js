@@ -121,7 +121,7 @@ export class Level {
 
   /**
    * Sets the laws for a picture. `eye`: the camera's place in the world. `factor`: on the file's distances. `range`: distances at
-   * which the level appears and goes. `nearest`: distance of the nearest tree, whose kept leaves are drawn.
+   * which the level appears and goes. `nearest`: distance of the nearest tree; its kept leaves are drawn.
    */
   move({ eye, factor, range, nearest, settings }) {
     const numbers = this.#numbers;

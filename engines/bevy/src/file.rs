@@ -64,7 +64,7 @@ pub struct Part {
 pub(crate) struct Light {
     /// Fraction of the light that goes through leaves.
     pub through: f32,
-    /// Factor on baked light, whose colors end at 1.
+    /// Factor on baked light: its colors end at 1.
     pub strength: f32,
 }
 

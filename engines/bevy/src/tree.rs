@@ -78,7 +78,7 @@ pub(crate) fn plant(
                 for part in &level.parts {
                     let mut child = parent.spawn(drawn(level, part));
                     if level.transition.is_some() {
-                        // Also the trunk's, whose mesh has a target with all corners in place.
+                        // Also the trunk's: its mesh has a target with all corners in place.
                         child.insert(MeshMorphWeights::Value { weights: vec![0.0] });
                     }
                 }

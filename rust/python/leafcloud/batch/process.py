@@ -25,7 +25,7 @@ _MOST_LOG = 2**16
 _STAGING = ".leafcloud-*"
 """Folders in which `bake.py` gathers its files: left behind only by a process that was killed."""
 _COMMIT = "leafcloud-commit.json"
-"""The list in such a folder whose files are complete."""
+"""The list that such a folder has once its files are complete."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def bake(command: Sequence[str], source: Path, out: Path, flags: Sequence[str], 
 
 
 def _remove_unfinished(out: Path) -> None:
-    """Remove the folders of a killed bake, but not one whose files are complete: the next bake moves them."""
+    """Remove the folders of a killed bake, but keep one with complete files: the next bake moves them."""
     for folder in out.glob(_STAGING):
         if not (folder / _COMMIT).exists():
             shutil.rmtree(folder, ignore_errors=True)

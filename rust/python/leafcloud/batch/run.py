@@ -108,7 +108,7 @@ def forget(folder: Path) -> str | None:
 
 
 def end(tree: Tree, batch: Batch, key: str, outcome: Outcome) -> Row:
-    """Return the row of a tree whose files are in its folder, and remember a success there."""
+    """Return the row of a tree after its bake, and remember a success in its folder."""
     folder = batch.out / tree.name
     if not outcome.done:
         return Row(tree, outcome, False, None)
