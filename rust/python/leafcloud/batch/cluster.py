@@ -4,8 +4,9 @@ A task carries the bytes of a tree's files, and returns those of its results: wo
 version of Leafcloud. Results are moved into place file by file, the report last. Few trees are on their way at a time,
 whatever the size of the batch.
 
-A bake runs in a process of its own on the worker, so it seldom takes the worker with it. If a worker dies, its task goes
-to another one, once: a tree that kills two workers is set aside. If the disk of a worker fails, its task goes on, too.
+A bake runs in a process of its own on the worker, so it seldom takes the worker with it. If a worker dies, its task
+goes to another one, once: a tree that kills two workers is set aside. If the disk of a worker fails, its task goes on,
+too.
 """
 
 from __future__ import annotations
