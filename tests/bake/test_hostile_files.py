@@ -19,7 +19,8 @@ from addon.mesh.extract import extract
 from addon.scene.image_sizes import declared_size
 from addon.scene.load import load
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "bench"))
+# Behind the folder of the helpers: both have a module named stability.
+sys.path.append(str(Path(__file__).resolve().parents[2] / "bench"))
 
 from hostile_blends import blend_cases
 from hostile_files import Case, gltf_cases, obj_cases
