@@ -70,7 +70,7 @@ class End:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", metavar="PATTERN", default="", help="bake the files whose names match a pattern")
+    parser.add_argument("--only", metavar="PATTERN", default="", help="bake the files with names that match a pattern")
     parser.add_argument("--sample", metavar="N", type=int, help="bake N of the files, chosen at random")
     parser.add_argument("--list", action="store_true", help="list the names of the files")
     options = parser.parse_args(arguments)

@@ -159,7 +159,7 @@ def _with_nodes(build: Callable[[bpy.types.NodeTree, bpy.types.Node], object]) -
 
 
 def _shared(kind: str, inputs: tuple[int, int], output: int, target: str) -> Callable[[Path], object]:
-    """Return a builder of 60 nodes, each of which uses the one before twice: 2⁶⁰ paths."""
+    """Return a builder of 60 nodes. Each uses the one before twice: 2⁶⁰ paths."""
 
     def build(nodes: bpy.types.NodeTree, shader: bpy.types.Node) -> None:
         before = nodes.nodes.new(kind)

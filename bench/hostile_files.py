@@ -33,7 +33,7 @@ VALUES: tuple[Any, ...] = (-1, 2**31, 2**63, 10**30, 0.5, 1e300, "../../x", True
 
 NAMES = (
     "../../up",
-    "/tmp/x",
+    "/absolute/x",
     "a/b\\c",
     "line\nline",
     "nul\0",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import QUICK, bake
-from engine_views import bundle, code_of, forest_file, hand_overs, levels_of, pictures, triangles
+from engine_views import bundle, code_of, forest_file, forest_of, hand_overs, levels_of, pictures, triangles
 
 SIDE = 256
 COUNT = 48
@@ -21,18 +21,6 @@ def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "octahedral", "--effects=+transitions,+pruning,+wind")
     bundle(out)
     return out / "shrub.glb"
-
-
-def places_of(radius: float, count: int = COUNT) -> list[list[float]]:
-    """Return matrices (4, 4), as rows: turned about the vertical axis, scaled and moved."""
-    rng = np.random.default_rng(3)
-    found = []
-    for i in range(count):
-        angle, scale = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.6, 1.5)
-        c, s = scale * math.cos(angle), scale * math.sin(angle)
-        x, z = 3.0 * radius * np.array([i % 8 - 3.5, -(i // 8)]) + rng.uniform(-0.5, 0.5, 2)
-        found.append([c, 0.0, s, x, 0.0, scale, 0.0, 0.0, -s, 0.0, c, z, 0.0, 0.0, 0.0, 1.0])
-    return found
 
 
 def views_of(tree: Path) -> list[dict[str, Any]]:
@@ -47,7 +35,7 @@ def views_of(tree: Path) -> list[dict[str, Any]]:
 
 def forest(tree: Path, **question: Any) -> list[dict[str, Any]]:
     radius = levels_of(tree)[0].extras["leafcloud"]["radius"]
-    asked = {"code": code_of("babylon", 1), "places": places_of(radius), "views": views_of(tree), **question}
+    asked = {"code": code_of("babylon", 1), "places": forest_of(radius, COUNT), "views": views_of(tree), **question}
     return pictures("babylon", tree, **asked)
 
 
@@ -70,7 +58,7 @@ def test_levels_are_drawn_by_distance_and_save_triangles(tree: Path) -> None:
     levels = levels_of(tree)
     ends = hand_overs(levels)
     extras = levels[0].extras["leafcloud"]
-    places = np.array(places_of(extras["radius"])).reshape(-1, 4, 4)
+    places = np.array(forest_of(extras["radius"], COUNT)).reshape(-1, 4, 4)
     morphs = ["transition_end" in level.extras["leafcloud"] for level in levels]
     found = forest(tree, code=code_of("babylon", 1) + "\nforest.culling = false;\n")
     leaves = forest(tree, code=code_of("babylon", 1) + "\nforest.culling = false;\n", settings={"level": 0})
@@ -102,7 +90,7 @@ def test_the_forest_follows_the_camera_and_new_places(tree: Path) -> None:
     radius = levels_of(tree)[0].extras["leafcloud"]["radius"]
     move = f"forest.plant(places.slice(0, {COUNT // 2}));\n"
     [planted] = forest(tree, views=views[2:], code=code_of("babylon", 1) + move, settings={"seconds": 1.0})
-    [fewer] = forest(tree, views=views[2:], places=places_of(radius)[: COUNT // 2], settings={"seconds": 1.0})
+    [fewer] = forest(tree, views=views[2:], places=forest_of(radius, COUNT)[: COUNT // 2], settings={"seconds": 1.0})
     assert np.array_equal(planted["pixels"], fewer["pixels"])
     assert not np.array_equal(planted["pixels"], alone["pixels"])
 
@@ -158,11 +146,11 @@ def test_a_forest_casts_the_shadows_of_its_trees(tree: Path) -> None:
 def test_a_forest_stands_where_its_file_says(tree: Path) -> None:
     """In both of Babylon.js's systems of axes. The left-handed one has the file's x-axis turned around."""
     radius = levels_of(tree)[0].extras["leafcloud"]["radius"]
-    file = forest_file(tree, places_of(radius))
+    file = forest_file(tree, forest_of(radius, COUNT))
     from_file = code_of("babylon", 1).replace("places", "tree.places")
     for left_handed in (False, True):
         turned = np.diag([-1.0 if left_handed else 1.0, 1.0, 1.0, 1.0])
-        places = turned @ np.array(places_of(radius)).reshape(-1, 4, 4) @ turned
+        places = turned @ np.array(forest_of(radius, COUNT)).reshape(-1, 4, 4) @ turned
         common = {"leftHanded": left_handed, "settings": {"seconds": 1.0}, "views": views_of(tree)[:1]}
         [given] = forest(tree, places=places.reshape(-1, 16).tolist(), **common)
         [read] = pictures("babylon", file, code=from_file, **common)

@@ -7,7 +7,7 @@ const INSTANCING = "EXT_mesh_gpu_instancing";
 export const withoutInstances = () => ({ name: INSTANCING });
 
 /**
- * Returns the places (Matrix4) of the trees whose level 0 is node number `node`, drawn by `object`; null in a file of one tree.
+ * Returns the places (Matrix4) of the trees; node number `node`, drawn by `object`, is their level 0. Null in a file of one tree.
  * An instance lies within the node N, a place moves the node: P · N = N · I.
  */
 export async function placesOf({ parser }, node, object) {
