@@ -211,6 +211,14 @@ lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sou
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
 
+.PHONY: deny
+deny: ## check all crates: licenses, duplicates, sources, known faults; needs cargo-deny (docs/supply_chain.md)
+	@tools/deny.sh
+
+.PHONY: locks
+locks: .venv-supply/.installed ## lock the Python packages of tools/requirements (ARGS=--upgrade takes newer versions)
+	tools/lock.sh $(CURDIR)/.venv-supply/bin/uv $(ARGS)
+
 .PHONY: extension
 extension: setup ## build the Blender extension's zip into dist/
 	.venv/bin/python tools/build_extension.py --wheel $(WHEELS)/leafcloud-*.whl --out dist
@@ -261,7 +269,7 @@ docs-three: setup .venv/.test $(NODE_MODULES) ## make the picture of three.js in
 
 .PHONY: clean
 clean: ## remove all build outputs and environments
-	rm -rf .venv .venv-4.2 .venv-5.0 target dist out $(dir $(NODE_MODULES)) .mypy_cache .pytest_cache .ruff_cache
+	rm -rf .venv .venv-4.2 .venv-5.0 .venv-supply target dist out $(dir $(NODE_MODULES)) .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Rules of one environment. $(1): its folder, $(2): its Blender version
@@ -298,6 +306,12 @@ $(eval $(call environment,.venv-5.0,5.0))
 
 .venv/.lint: tools/requirements/lint.txt .venv/.blender
 	@tools/environment.sh .venv $<
+	@touch $@
+
+# Apart from .venv, and without Blender.
+.venv-supply/.installed: tools/requirements/supply.txt
+	@tools/prerequisites.sh python
+	@tools/environment.sh .venv-supply $<
 	@touch $@
 
 .venv/.portable: tools/requirements/portable.txt .venv/.build

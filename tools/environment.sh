@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes the virtual environment FOLDER, or brings it up to date, with the packages pinned in REQUIREMENTS.
+# Makes the virtual environment FOLDER, or brings it up to date, with the packages in the lock REQUIREMENTS.
+# pip refuses files whose hashes the lock lacks, and source packages that the lock does not name.
 #
 #   tools/environment.sh FOLDER REQUIREMENTS
 set -euo pipefail
@@ -11,4 +12,5 @@ if [ ! -x "$folder/bin/python" ]; then
     "$python" -m venv "$folder"
 fi
 echo "leafcloud: installing $requirements into $folder" >&2
-"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --requirement "$requirements"
+"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: \
+    --requirement "$requirements"
