@@ -22,7 +22,7 @@ OTHER_BLENDERS := tests/blender tests/bake/test_bake.py -m 'not long and not bro
 
 PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
 WHEELS := target/wheels
-RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml
+RUST_SOURCES := $(shell find rust -type f -not -name '*.pyc') $(wildcard Cargo.toml Cargo.lock) pyproject.toml THIRD_PARTY_LICENSES.txt
 VALIDATOR := tests/gltf_validator
 THREE := engines/three
 NODE_MODULES := $(foreach folder,$(VALIDATOR) $(THREE) engines/babylon,$(folder)/node_modules/.package-lock.json)
@@ -214,6 +214,11 @@ lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sou
 .PHONY: deny
 deny: ## check all crates: licenses, duplicates, sources, known faults; needs cargo-deny (docs/supply_chain.md)
 	@tools/deny.sh
+
+.PHONY: licenses
+licenses: ## write THIRD_PARTY_LICENSES.txt: the licenses of all that the wheel holds
+	@tools/prerequisites.sh rust python
+	@$$(tools/prerequisites.sh --find-python) tools/third_party.py
 
 .PHONY: locks
 locks: .venv-supply/.installed ## lock the Python packages of tools/requirements (ARGS=--upgrade takes newer versions)

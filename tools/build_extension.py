@@ -1,4 +1,4 @@
-"""Builds the Blender extension with Blender's own tool: add-on, wheel, leafcloud.glsl and sample tree in one zip.
+"""Builds the Blender extension with Blender's own tool: add-on, wheel, laws, sample tree and licenses in one zip.
 
     python tools/build_extension.py --wheel target/wheels/leafcloud-….whl --out dist
 
@@ -20,6 +20,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 ADDON, LAWS, SAMPLE = ROOT / "addon", ROOT / "shaders" / "leafcloud.glsl", ROOT / "examples" / "shrub.glb"
+# Licenses of what the wheel holds, and of the wheel and the laws. The add-on's own license is in its folder.
+LICENSES = [ROOT / name for name in ("THIRD_PARTY_LICENSES.txt", "LICENSE-MIT", "LICENSE-APACHE")]
 
 # Blender's name of a platform by start and end of a wheel's platform tag.
 PLATFORMS = {
@@ -79,6 +81,8 @@ def build(wheel: Path, out: Path) -> Path:
         shutil.copy(LAWS, source / "shaders")
         (source / "samples").mkdir()
         shutil.copy(SAMPLE, source / "samples")
+        for text in LICENSES:
+            shutil.copy(text, source)
         (source / "blender_manifest.toml").write_text(with_wheel(manifest, wheel), encoding="utf-8")
         for arguments in (
             ["build", "--source-dir", str(source), "--output-filepath", str(archive)],

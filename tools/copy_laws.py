@@ -1,4 +1,4 @@
-"""Copies the laws into the packages for engines: an add-on or package is installed without this repository.
+"""Copies laws and licenses into the packages for engines: an add-on or package is installed without this repository.
 
 `python tools/copy_laws.py` writes the copies. tests/unit compare them.
 """
@@ -15,7 +15,10 @@ ENGINES = ROOT / "engines"
 def copies() -> dict[Path, str]:
     """Return the content of each copy by its path."""
     laws, octahedral = ((SHADERS / f"{name}.glsl").read_text(encoding="utf-8") for name in ("leafcloud", "octahedral"))
+    licenses = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("LICENSE-MIT", "LICENSE-APACHE")}
     return {
+        **{ENGINES / engine / name: licenses[name] for engine in ("three", "babylon", "bevy") for name in licenses},
+        ENGINES / "godot" / "addons" / "leafcloud" / "LICENSE": licenses["LICENSE-MIT"],
         ENGINES / "godot" / "addons" / "leafcloud" / "leafcloud.gdshaderinc": laws,
         ENGINES / "three" / "src" / "glsl.js": _module({"LAWS": laws, "OCTAHEDRAL": octahedral}),
         ENGINES / "babylon" / "src" / "glsl.js": _module({"LAWS": laws, "OCTAHEDRAL": octahedral}),
