@@ -39,7 +39,7 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 	.venv/bin/python bake.py --input "$(INPUT)" --out "$(OUT)" $(ARGS)
 
 .PHONY: test
-test: setup .venv/.test $(NODE_MODULES) ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
+test: setup .venv/.test .venv-supply/.installed $(NODE_MODULES) ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
 	cargo test --workspace --release --lib --tests
 	tools/run_tests.sh .venv -m 'not long and not browser' $(ARGS)
 
@@ -57,7 +57,7 @@ test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## ru
 	$(if $(GODOT),$(MAKE) test-godot)
 
 .PHONY: environments
-environments: .venv-4.2/.test .venv-5.0/.test $(NODE_MODULES) ## download the other environments and packages of the tests
+environments: .venv-4.2/.test .venv-5.0/.test .venv-supply/.installed $(NODE_MODULES) ## download the other environments and packages of the tests
 	@tools/prerequisites.sh chromium
 
 .PHONY: bench
@@ -219,6 +219,11 @@ deny: ## check all crates: licenses, duplicates, sources, known faults; needs ca
 licenses: ## write THIRD_PARTY_LICENSES.txt: the licenses of all that the wheel holds
 	@tools/prerequisites.sh rust python
 	@$$(tools/prerequisites.sh --find-python) tools/third_party.py
+
+.PHONY: sbom
+sbom: .venv-supply/.installed ## write dist/leafcloud.cdx.json, the bill of materials (CycloneDX) of all that is shipped
+	@tools/prerequisites.sh rust
+	.venv-supply/bin/python tools/sbom.py
 
 .PHONY: locks
 locks: .venv-supply/.installed ## lock the Python packages of tools/requirements (ARGS=--upgrade takes newer versions)

@@ -17,7 +17,6 @@ import subprocess
 import sys
 import textwrap
 import tomllib
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,7 +57,7 @@ def cargo(*arguments: str) -> str:
     return subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
 
 
-def crates_of_the_wheel(platforms: Iterable[str]) -> set[tuple[str, str]]:
+def names_in_the_wheel(platforms: list[str]) -> set[tuple[str, str]]:
     """Return names and versions of the crates of others that are compiled into the wheel on any platform."""
     targets = [argument for platform in platforms for argument in ("--target", platform)]
     options = ["--package", WHEEL, "--features", "extension-module", "--edges", "normal"]
@@ -67,6 +66,22 @@ def crates_of_the_wheel(platforms: Iterable[str]) -> set[tuple[str, str]]:
     lines = {line.removesuffix(" (*)").removesuffix(" (proc-macro)") for line in tree.splitlines()}
     found = re.findall(r"^(\S+) v(\S+)$", "\n".join(lines), re.MULTILINE)
     return set(found)
+
+
+def crates_in_the_wheel(platforms: list[str]) -> list[dict[str, Any]]:
+    """Return cargo's metadata of the crates of others in the wheel, sorted by name and version."""
+    names = names_in_the_wheel(platforms)
+    metadata = json.loads(cargo("metadata", "--format-version", "1", "--filter-platform", platforms[0]))
+    crates = [crate for crate in metadata["packages"] if (crate["name"], crate["version"]) in names]
+    missing = names - {(crate["name"], crate["version"]) for crate in crates}
+    if missing:
+        sys.exit(f"{sorted(missing)}: only other platforms than {platforms[0]} have these crates.")
+    return sorted(crates, key=lambda crate: (crate["name"], crate["version"]))
+
+
+def facts_beside_crates() -> dict[str, Any]:
+    """Return the content of third_party.toml."""
+    return tomllib.loads(FACTS.read_text(encoding="utf-8"))
 
 
 def alternatives(expression: str) -> list[list[str]]:
@@ -148,15 +163,9 @@ def entry_of_part(part: dict[str, str], crates: list[dict[str, Any]]) -> Entry:
 
 def bundled() -> list[Entry]:
     """Return entries for all that the wheel holds beside the project's own code."""
-    facts = tomllib.loads(FACTS.read_text(encoding="utf-8"))
+    facts = facts_beside_crates()
     rules = tomllib.loads((ROOT / "deny.toml").read_text(encoding="utf-8"))
-    names = crates_of_the_wheel(facts["platforms"])
-    metadata = json.loads(cargo("metadata", "--format-version", "1", "--filter-platform", facts["platforms"][0]))
-    crates = [crate for crate in metadata["packages"] if (crate["name"], crate["version"]) in names]
-    missing = names - {(crate["name"], crate["version"]) for crate in crates}
-    if missing:
-        sys.exit(f"{sorted(missing)}: only other platforms than {facts['platforms'][0]} have these crates.")
-    crates.sort(key=lambda crate: (crate["name"], crate["version"]))
+    crates = crates_in_the_wheel(facts["platforms"])
     entries = [entry for crate in crates for entry in entries_of(crate, rules, facts)]
     return entries + [entry_of_part(part, crates) for part in facts["parts"]]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import subprocess
@@ -42,6 +43,20 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
         [*command, "--out", str(out)], cwd=ROOT, check=True, capture_output=True, text=True, timeout=120
     )
     return Path(built.stdout.strip())
+
+
+def test_archive_holds_all_licenses(archive: Path) -> None:
+    with zipfile.ZipFile(archive) as zipped:
+        found = {name: zipped.read(name) for name in zipped.namelist() if "LICENSE" in name}
+        (wheel,) = (name for name in zipped.namelist() if name.endswith(".whl"))
+        with zipfile.ZipFile(io.BytesIO(zipped.read(wheel))) as inner:
+            bundled = [inner.read(name) for name in inner.namelist() if name.endswith("/THIRD_PARTY_LICENSES.txt")]
+    third_party = (ROOT / "THIRD_PARTY_LICENSES.txt").read_bytes()
+    assert found["THIRD_PARTY_LICENSES.txt"] == third_party
+    assert bundled == [third_party]
+    assert found["LICENSE-MIT"] == (ROOT / "LICENSE-MIT").read_bytes()
+    assert found["LICENSE-APACHE"] == (ROOT / "LICENSE-APACHE").read_bytes()
+    assert found["LICENSE"] == (ROOT / "addon" / "LICENSE").read_bytes()
 
 
 def test_archive_holds_the_addon_the_wheel_and_the_licence(archive: Path) -> None:
