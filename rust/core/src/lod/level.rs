@@ -7,10 +7,11 @@ use std::time::Instant;
 use super::billboards::{billboard_ranks, billboards};
 use super::cross;
 use super::references::References;
+use super::refine::{Refined, Refinement, Subject};
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
 use super::tight::{Shown, with_polygons};
-use super::{drawn, tune};
+use super::{drawn, refine, tune};
 use glam::DVec3;
 
 use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize, Region};
@@ -77,6 +78,8 @@ pub struct Level {
     /// Bound on the deviation from the leaves: the sum of the deviations of all levels so far; for the cross impostor, the greatest
     /// distance of a corner from the nearest plane.
     pub max_deviation_leaves: f64,
+    /// What the refinement changed; `None` without one.
+    pub refined: Option<Refined>,
     /// Alpha over the leaves' alpha, as the mean over the report's views.
     pub coverage: f64,
     /// Pictures of the leaves and of the level in the report's views.
@@ -109,6 +112,8 @@ const MOST_HALVINGS: usize = 3;
 pub(super) struct Step<'a> {
     /// The level before.
     pub finer: &'a Foliage,
+    /// The leaves that all levels replace.
+    pub leaves: &'a Foliage,
     /// Opaque parts of `finer`.
     pub opacity: Opacity,
     /// R of the leaves.
@@ -229,9 +234,25 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     };
     tuning(0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
-    tuning(0.98)?;
     let deviation = step.deviation + cloud.max_deviation();
-    let atlas = tightened(atlas, &page, alpha_cutoff, deviation / finer.frame().radius, step.triangles, settings);
+    let tight = |page: &Page, cutoff: f32| {
+        tightened(atlas.clone(), page, cutoff, deviation / finer.frame().radius, step.triangles, settings)
+    };
+    let (page, alpha_cutoff, refined) = if settings.refine == Refinement::Off || settings.blended {
+        (page, alpha_cutoff, None)
+    } else {
+        let subject = Subject {
+            leaves: step.leaves,
+            amounts: &step.references.tuning,
+            atlas: &tight(&page, alpha_cutoff - refine::BAND),
+            frame: finer.frame(),
+            double_sided: !two_sided,
+            up: settings.up,
+        };
+        subject.refined(page, alpha_cutoff, settings.refine, progress.part(0.96, 0.98))?
+    };
+    tuning(0.98)?;
+    let atlas = tight(&page, alpha_cutoff);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let pictures = step.references.report.compare(&shown)?;
     let coverage = pictures.coverage();
@@ -244,6 +265,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         two_sided,
         ranks,
         mean_deviation: cloud.mean_deviation(finer),
+        refined,
         in_plane_motion: projection.in_plane_motion(finer, &cloud) * finer.frame().radius,
         max_deviation_leaves: deviation,
         coverage,

@@ -11,6 +11,7 @@ mod level;
 pub mod octahedral;
 pub mod prune_trends;
 mod references;
+pub mod refine;
 mod settings;
 mod shared;
 mod size;
@@ -23,6 +24,7 @@ pub use draft::{Draft, Drafts, settled_fit};
 pub use level::{Level, Mip, Seconds};
 pub use octahedral::Octahedral;
 pub use references::{References, report_pictures};
+pub use refine::{Refined, Refinement};
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
 pub use size::is_published;
@@ -187,6 +189,7 @@ pub fn build_chain_of(
         }
         let mut step = level::Step {
             finer,
+            leaves: shown,
             opacity,
             radius: frame.radius,
             fit,

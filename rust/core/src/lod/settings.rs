@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::refine::Refinement;
 use crate::atlas::PageSize;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, ImageBound, Method};
@@ -94,6 +95,8 @@ pub struct ChainSettings {
     pub pixels: f64,
     /// Numbers of view directions.
     pub views: ViewCounts,
+    /// Refinement of the textures of billboard clouds by pictures. Blended billboards are not refined.
+    pub refine: Refinement,
 }
 
 /// Settings for pruning the leaves before level 1 takes over.
@@ -156,6 +159,7 @@ impl Default for ChainSettings {
             tight_pages: true,
             pixels: 8.0,
             views: ViewCounts::default(),
+            refine: Refinement::default(),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Orthographic renderings: of base color and alpha, so that differences come from geometry and textures, or lit.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::light::{Light, Look};
@@ -9,7 +9,8 @@ use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::progress::Progress;
 use crate::textures::{
-    Channel, Samples, ScreenTriangle, SeenTriangles, Window, count_seen, rasterise, rasterise_timed, seen_among,
+    Channel, Samples, ScreenTriangle, Seen, SeenTriangles, Shader, Window, count_seen, rasterise, rasterise_timed,
+    seen_among,
 };
 
 /// An orthographic camera.
@@ -97,6 +98,26 @@ pub(super) fn flat_and_lit(parts: &[&Foliage], view: &View, light: &Light) -> Re
     let triangles = on_screen(parts, view)?;
     let canvases = rasterise(&triangles, view.size, view.size, view.samples.each(), &[Look::Flat, Look::Lit(light)]);
     Ok([0, 1].map(|i| Channel::BaseColor.to_image(&canvases[i])))
+}
+
+/// Shows where on its texture a point of a triangle lies.
+struct Places;
+
+impl Shader for Places {
+    fn shade(&self, seen: &Seen) -> Vec3 {
+        seen.surface.uv(seen.spot.weights).extend(0.0)
+    }
+}
+
+/// Returns the texture coordinates that each pixel shows: u, v, 0 and 1; zeros where nothing is drawn. With one sample per pixel they are
+/// those of its middle.
+///
+/// # Errors
+/// Those of [`render()`].
+pub fn texture_points(foliage: &Foliage, view: &View) -> Result<Vec<Vec4>> {
+    let triangles = on_screen(&[foliage], view)?;
+    let canvas = rasterise(&triangles, view.size, view.size, view.samples, &[Places]).remove(0);
+    Ok(canvas.pixels)
 }
 
 /// Returns the number of samples that show each triangle.

@@ -1,0 +1,93 @@
+//! The judge of a refinement: errors of pictures in views that no step has used, at several sizes.
+//!
+//! The error of a picture is the mean absolute difference of its codes over gray, near the silhouettes: sums in a fixed order, so it is the
+//! same on any machine, which FLIP is not. Sizes count alike: the gain is the mean of the ratios.
+
+use rayon::prelude::*;
+
+use super::picture::{light, over_gray};
+use crate::error::Result;
+use crate::foliage::{Foliage, Image};
+use crate::metrics::{View, render};
+use crate::textures::mips;
+
+/// Number of judging views.
+pub const VIEWS: usize = 8;
+
+/// Side of the smallest judging pictures, in pixels.
+const SMALLEST: usize = 32;
+
+/// A size may become worse by this much: the noise of so few views.
+const NOISE: f64 = 0.0;
+
+/// Pictures of the leaves in the judging views, each with its halves.
+pub struct Judge {
+    views: Vec<View>,
+    leaves: Vec<Vec<Image>>,
+}
+
+/// Errors by the side of the pictures, in pixels.
+pub type Errors = Vec<(usize, f64)>;
+
+/// Errors relative to those before the refinement.
+pub struct Gain {
+    pub errors: Errors,
+}
+
+impl Judge {
+    pub fn new(leaves: &Foliage, views: Vec<View>) -> Result<Self> {
+        let leaves = pictures(leaves, &views)?;
+        Ok(Self { views, leaves })
+    }
+
+    /// Returns the errors of a level.
+    pub fn errors(&self, level: &Foliage) -> Result<Errors> {
+        let level = pictures(level, &self.views)?;
+        let sizes = self.leaves[0].len();
+        let of_size = |size: usize| {
+            let pairs = self.leaves.par_iter().zip(&level);
+            let each: Vec<f64> = pairs.map(|(leaves, level)| error(&leaves[size], &level[size])).collect();
+            (self.leaves[0][size].width(), each.iter().sum::<f64>() / each.len() as f64)
+        };
+        Ok((0..sizes).map(of_size).collect())
+    }
+}
+
+fn pictures(foliage: &Foliage, views: &[View]) -> Result<Vec<Vec<Image>>> {
+    let halves = |image: Image| mips::means(&image).into_iter().take_while(|half| half.width() >= SMALLEST).collect();
+    views.par_iter().map(|view| render(&[foliage], view).map(halves)).collect()
+}
+
+/// Returns the mean absolute difference over the pixels that show anything in either picture.
+fn error(leaves: &Image, level: &Image) -> f64 {
+    let (mut sum, mut count) = (0.0, 0u32);
+    for (wanted, found) in leaves.pixels().iter().zip(level.pixels()) {
+        if wanted[3] > 0 || found[3] > 0 {
+            let difference = over_gray(light(wanted)) - over_gray(light(found));
+            sum += f64::from(difference.abs().element_sum());
+            count += 1;
+        }
+    }
+    sum / f64::from(count.max(1))
+}
+
+impl Gain {
+    /// Returns the gain of no change.
+    pub fn none(first: &Errors) -> Self {
+        Self { errors: first.iter().map(|(size, _)| (*size, 1.0)).collect() }
+    }
+
+    pub fn over(first: &Errors, now: &Errors) -> Self {
+        let ratio = |(&(size, before), &(_, after)): (&(usize, f64), &(usize, f64))| (size, after / before.max(f64::MIN_POSITIVE));
+        Self { errors: first.iter().zip(now).map(ratio).collect() }
+    }
+
+    /// Returns whether no size is worse than before the refinement, and all together are better than in another try.
+    pub fn is_better_than(&self, other: &Self) -> bool {
+        self.errors.iter().all(|(_, ratio)| *ratio <= 1.0 + NOISE) && self.mean() < other.mean()
+    }
+
+    fn mean(&self) -> f64 {
+        self.errors.iter().map(|(_, ratio)| ratio).sum::<f64>() / self.errors.len() as f64
+    }
+}

@@ -1,0 +1,202 @@
+//! Refinement: the texels of a level, changed until its pictures look like those of the leaves.
+//!
+//! The bake projects leaves onto planes and chooses one cutoff. A leaf on its plane appears beside its true place, at another side in each
+//! view, and covers what it did not cover. No rule says which color and which outline look best from all sides; pictures do. So each step
+//! draws the leaves and the level from new directions, and credits the difference to the texels that show it:
+//!
+//! - *Color*: each visible texel moves towards the mean color that the leaves have where it is seen.
+//! - *Alpha*: near the cutoff, a texel is drawn or not. The level is also drawn at a lower and at a higher cutoff. Where a texel appears or
+//!   vanishes, the picture becomes better or worse; alpha moves accordingly.
+//!
+//! The steps are those of a simultaneous iterative reconstruction (SIRT; Gilbert, "Iterative methods for the three-dimensional
+//! reconstruction of an object from projections", 1972): each texel takes the mean over what it contributes to. Differences count twice, in
+//! single pixels and in blocks of some four pixels: single pixels alone would blur the texture and change its mean. Hasselgren et al.
+//! ("Appearance-Driven Automatic 3D Model Simplification", 2021) let pictures decide by gradients; Deliot et al. ("Transforming a
+//! Non-Differentiable Rasterizer into a Differentiable One with Stochastic Gradient Estimation", 2024) by paired pictures, without
+//! derivatives of the rasterizer, as here.
+//!
+//! After each round other views judge ([`judge`]). A page counts only if it is better in them on the whole and worse at no size, so a level
+//! never becomes worse. Planes, polygons and the morph do not change, nor do other channels: color and alpha alone move.
+//!
+//! Sums have a fixed order: texels collect their credits billboard by billboard, in the order of views and pixels. O(steps · views ·
+//! (pixels + fragments)), plus O(texels) a step. Known limit: alpha that is far from the cutoff does not move, and leaves stay on their
+//! planes.
+
+mod credit;
+mod judge;
+mod picture;
+mod texels;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use self::credit::{Credits, Drawn};
+use self::judge::Judge;
+use self::picture::Target;
+use self::texels::{Rates, Texels};
+use super::billboards::billboards;
+use super::tune;
+use crate::atlas::Atlas;
+use crate::error::Result;
+use crate::fit::Named;
+use crate::foliage::Foliage;
+use crate::geometry::Frame;
+use crate::metrics::{PICTURE_RADIUS, Reference, View, Views};
+use crate::progress::Progress;
+use crate::textures::{Page, Samples};
+
+/// Effort of the refinement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Refinement {
+    /// Textures stay as they are baked.
+    #[default]
+    Off,
+    /// A few seconds.
+    Short,
+    /// Some tens of seconds.
+    Long,
+}
+
+impl Named for Refinement {
+    const WHAT: &'static str = "refine";
+    const ALL: &'static [Self] = &[Self::Off, Self::Short, Self::Long];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Short => "short",
+            Self::Long => "long",
+        }
+    }
+}
+
+impl Refinement {
+    /// Returns rounds, steps of each round and views of each step.
+    fn plan(self) -> Plan {
+        match self {
+            Self::Off => Plan { rounds: 0, steps: 0, views: 0 },
+            Self::Short => Plan { rounds: 1, steps: 3, views: 6 },
+            Self::Long => Plan { rounds: 4, steps: 4, views: 8 },
+        }
+    }
+}
+
+/// Amount of work.
+struct Plan {
+    rounds: usize,
+    steps: usize,
+    views: usize,
+}
+
+/// A level that is refined.
+pub struct Subject<'a> {
+    /// The leaves that it replaces.
+    pub leaves: &'a Foliage,
+    /// Renderings of the leaves for coverage.
+    pub amounts: &'a Reference,
+    /// Its layout, in `frame`; tight polygons are faster to draw.
+    pub atlas: &'a Atlas,
+    /// Its local frame.
+    pub frame: &'a Frame,
+    /// Whether billboards are seen from both sides.
+    pub double_sided: bool,
+    /// Up direction.
+    pub up: DVec3,
+}
+
+/// What a refinement has changed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refined {
+    /// Sides of the judging pictures in pixels, with the error relative to that before the refinement.
+    pub errors: Vec<(usize, f64)>,
+}
+
+/// Sides of the pictures of a step, in pixels.
+const SIZES: (usize, usize) = (64, 256);
+
+/// Points along a pixel's side at which the level is looked at.
+const POINTS: usize = 2;
+
+/// Turns of the views: the first of the steps, the angle from step to step, and the turn of the judging views. Other views tune and report.
+const FIRST_TURN: f64 = 0.77;
+const TURN_STEP: f64 = 0.618_033_988_75;
+const JUDGING_TURN: f64 = 0.4;
+
+/// Range of alpha about the cutoff in which texels move in one step.
+pub const BAND: f32 = 0.12;
+
+impl Subject<'_> {
+    /// Returns the page and the cutoff after refinement, with what changed; both unchanged if nothing became better.
+    ///
+    /// # Errors
+    /// No billboard has an area; [`crate::Error::Cancelled`].
+    pub fn refined(
+        &self,
+        page: Page,
+        cutoff: f32,
+        effort: Refinement,
+        progress: Progress,
+    ) -> Result<(Page, f32, Option<Refined>)> {
+        let Plan { rounds, steps, views } = effort.plan();
+        if rounds == 0 {
+            return Ok((page, cutoff, None));
+        }
+        let size = self.size();
+        progress.tell("refine", 0.0)?;
+        let judge = Judge::new(self.leaves, self.views(judge::VIEWS, size, JUDGING_TURN)?)?;
+        let first = judge.errors(&self.shown(&page, cutoff)?)?;
+        let mut best = (page.clone(), cutoff, judge::Gain::none(&first));
+        let mut texels = Texels::of(&page.base_color);
+        let mut cutoff_now = cutoff;
+        for step in 0..rounds * steps {
+            progress.tell("refine", step as f64 / (rounds * steps) as f64)?;
+            let views = self.views(views, size, FIRST_TURN + step as f64 * TURN_STEP)?;
+            let credits = self.credits(&page, &texels, cutoff_now, &views)?;
+            texels.move_by(&credits, self.atlas, Rates::of_step(step));
+            if (step + 1) % steps == 0 {
+                let mut other = page.clone();
+                other.base_color = texels.image();
+                cutoff_now =
+                    tune::matched(cutoff_now, self.atlas, &other, self.frame, self.double_sided, self.amounts)?;
+                let other =
+                    tune::toned(self.atlas, other, self.frame, cutoff_now, self.double_sided, self.amounts)?;
+                let gain = judge::Gain::over(&first, &judge.errors(&self.shown(&other, cutoff_now)?)?);
+                if gain.is_better_than(&best.2) {
+                    best = (other, cutoff_now, gain);
+                }
+            }
+        }
+        progress.tell("refine", 1.0)?;
+        let (page, cutoff, gain) = best;
+        Ok((page, cutoff, Some(Refined { errors: gain.errors })))
+    }
+
+    /// Returns the side of the pictures: a texel is about a pixel.
+    fn size(&self) -> usize {
+        let pixels = 2.0 * PICTURE_RADIUS * self.leaves.frame().radius / (self.atlas.texel() * self.frame.radius);
+        (pixels as usize).clamp(SIZES.0, SIZES.1) / 8 * 8
+    }
+
+    fn views(&self, count: usize, size: usize, turn: f64) -> Result<Vec<View>> {
+        let views = Views { count, size, samples: Samples::new(3)?.unfiltered(), up: self.up, turn };
+        Ok(views.around(self.leaves.frame()).collect())
+    }
+
+    fn shown(&self, page: &Page, cutoff: f32) -> Result<Foliage> {
+        billboards(self.atlas, self.frame, page.material(cutoff, self.double_sided))
+    }
+
+    /// Returns what the texels contribute to the difference from the leaves, view by view.
+    fn credits(&self, page: &Page, texels: &Texels, cutoff: f32, views: &[View]) -> Result<Credits> {
+        let mut page = page.clone();
+        page.base_color = texels.image();
+        let at = |cutoff: f32| self.shown(&page, cutoff.clamp(1.0 / 255.0, 1.0));
+        let drawn = Drawn { here: at(cutoff)?, denser: at(cutoff - BAND)?, sparser: at(cutoff + BAND)? };
+        let of_view = |view: &View| -> Result<Credits> {
+            let target = Target::new(self.leaves, view)?;
+            drawn.credits(texels, &target, view, POINTS)
+        };
+        let each = views.par_iter().map(of_view).collect::<Result<Vec<_>>>()?;
+        Ok(Credits::joined(each))
+    }
+}

@@ -1,0 +1,192 @@
+//! The texels of a page while it is refined.
+
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+use super::credit::{Credit, Credits};
+use super::picture::light;
+use crate::atlas::{Atlas, Region};
+use crate::color::{encode, quantise};
+use crate::foliage::Image;
+use crate::groups::Groups;
+
+/// Base color in linear light, and alpha.
+pub struct Texels {
+    width: usize,
+    height: usize,
+    /// Straight colors, and alpha.
+    texels: Vec<Vec4>,
+    /// The colors at the start.
+    start: Vec<Vec3>,
+}
+
+/// How far texels move in a step.
+#[derive(Clone, Copy)]
+pub struct Rates {
+    /// Share of the way to the color that the leaves have.
+    color: f32,
+    /// Greatest change of alpha.
+    alpha: f32,
+}
+
+impl Rates {
+    /// Returns rates that fall with the steps, so that the steps come to rest although each has other views.
+    pub fn of_step(step: usize) -> Self {
+        let slower = 1.0 / (1.0 + 0.25 * step as f32);
+        Self { color: env("COLOR", 0.8) * slower, alpha: env("ALPHA", 0.1) * slower }
+    }
+}
+
+fn env(name: &str, default: f32) -> f32 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
+
+/// Texels around a texel whose credits count for it, along one direction. Single texels are seen in few views.
+const REACH: usize = 2;
+
+/// Weight of staying as it is, beside the credits around a texel.
+const PRIOR: f32 = 2.0;
+
+/// Greatest factor on a color, and the light that it may always gain.
+const FARTHEST: f32 = 2.5;
+const FAINT: f32 = 0.01;
+
+impl Texels {
+    pub fn of(image: &Image) -> Self {
+        let texels: Vec<Vec4> = image.pixels().iter().map(light).collect();
+        let start = texels.iter().map(|texel| texel.truncate()).collect();
+        Self { width: image.width(), height: image.height(), texels, start }
+    }
+
+    /// Returns the page's image.
+    ///
+    /// # Panics
+    /// Never: the size stays.
+    pub fn image(&self) -> Image {
+        let pixel = |texel: &Vec4| [encode(texel.x), encode(texel.y), encode(texel.z), quantise(texel.w)];
+        let pixels: Vec<[u8; 4]> = self.texels.par_iter().map(pixel).collect();
+        Image::new(self.width, self.height, pixels).expect("as many texels as before")
+    }
+
+    /// Returns the index of the texel at a point.
+    pub fn nearest(&self, point: &Vec4) -> usize {
+        let column = (point.x * self.width as f32) as usize;
+        let row = ((1.0 - point.y) * self.height as f32) as usize;
+        row.min(self.height - 1) * self.width + column.min(self.width - 1)
+    }
+
+    /// Returns the color at a point, between its four texels, with 1; zeros where nothing is drawn.
+    pub fn shown(&self, point: &Vec4) -> Vec4 {
+        if point.w == 0.0 {
+            return Vec4::ZERO;
+        }
+        let place = |coordinate: f32, size: usize| (coordinate * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
+        let (x, y) = (place(point.x, self.width), place(1.0 - point.y, self.height));
+        let (left, top) = (x as usize, y as usize);
+        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
+        let texel = |column: usize, row: usize| self.texels[row * self.width + column];
+        let across = |row: usize| texel(left, row).lerp(texel(right, row), x - left as f32);
+        across(top).lerp(across(bottom), y - top as f32).truncate().extend(1.0)
+    }
+
+    /// Moves the texels of all billboards.
+    pub fn move_by(&mut self, credits: &Credits, atlas: &Atlas, rates: Rates) {
+        let owners = self.owners(atlas);
+        let colors = grouped(&credits.colors, &owners, atlas.billboards.len());
+        let alpha = grouped(&credits.alpha, &owners, atlas.billboards.len());
+        let usual = usual(&credits.alpha);
+        let moved = |(number, region): (usize, Region)| {
+            let field = Field { region, width: self.width };
+            let colors = field.sums(colors.get(number).iter().map(|&i| credits.colors[i as usize]));
+            let of_alpha = |credit: &Credit<f32>| Credit { texel: credit.texel, weight: credit.weight, value: Vec3::splat(credit.value) };
+            let alpha = field.sums(alpha.get(number).iter().map(|&i| of_alpha(&credits.alpha[i as usize])));
+            let texel = |(place, (color, alpha)): (usize, (Vec4, Vec4))| {
+                let index = field.texel(place);
+                self.moved(index, color, alpha, usual, rates)
+            };
+            (field, colors.into_iter().zip(alpha).enumerate().map(texel).collect::<Vec<Vec4>>())
+        };
+        let regions: Vec<(usize, Region)> = atlas.regions().enumerate().collect();
+        let all: Vec<_> = regions.into_par_iter().map(moved).collect();
+        for (field, moved) in all {
+            for (place, texel) in moved.into_iter().enumerate() {
+                self.texels[field.texel(place)] = texel;
+            }
+        }
+    }
+
+    /// Returns a texel after a step; `color` and `alpha` are sums of credits with their weights.
+    fn moved(&self, index: usize, color: Vec4, alpha: Vec4, usual: f32, rates: Rates) -> Vec4 {
+        let (texel, start) = (self.texels[index], self.start[index]);
+        let step = color.truncate() / (color.w + PRIOR) * rates.color;
+        let brightest = (start * FARTHEST + FAINT).min(Vec3::ONE);
+        let rgb = (texel.truncate() + step).clamp(start / FARTHEST, brightest);
+        let mean = alpha.x / (alpha.w + PRIOR);
+        let change = rates.alpha * mean / (mean.abs() + usual).max(f32::MIN_POSITIVE);
+        // A texel without alpha stays so: gutters, and the surroundings that polygons leave out.
+        let w = if texel.w > 0.0 { (texel.w + change).clamp(1.0 / 255.0, 1.0) } else { 0.0 };
+        rgb.extend(w)
+    }
+
+    /// Returns the billboard of each texel.
+    fn owners(&self, atlas: &Atlas) -> Vec<u32> {
+        let mut owners = vec![u32::MAX; self.texels.len()];
+        for (number, region) in atlas.regions().enumerate() {
+            for row in region.y..region.y + region.height {
+                owners[row * self.width + region.x..][..region.width].fill(number as u32);
+            }
+        }
+        owners
+    }
+}
+
+/// Returns the credits of each billboard.
+fn grouped<T>(credits: &[Credit<T>], owners: &[u32], billboards: usize) -> Groups {
+    // The rim of a polygon may touch a texel of the gutter.
+    let owner = |credit: &Credit<T>| owners[credit.texel as usize].min(billboards as u32);
+    Groups::by_key(&credits.iter().map(owner).collect::<Vec<u32>>(), billboards + 1)
+}
+
+/// Returns the mean absolute credit.
+fn usual(credits: &[Credit<f32>]) -> f32 {
+    let sum: f64 = credits.iter().map(|credit| f64::from(credit.value.abs())).sum();
+    (sum / credits.len().max(1) as f64) as f32
+}
+
+/// The texels of one billboard.
+#[derive(Clone, Copy)]
+struct Field {
+    region: Region,
+    /// Width of the page.
+    width: usize,
+}
+
+impl Field {
+    /// Returns the index on the page of a texel with this index in the field.
+    fn texel(&self, place: usize) -> usize {
+        let Region { x, y, width, .. } = self.region;
+        (y + place / width) * self.width + x + place % width
+    }
+
+    /// Returns the sums of values and weights around each texel.
+    fn sums(&self, credits: impl Iterator<Item = Credit<Vec3>>) -> Vec<Vec4> {
+        let Region { x, y, width, height } = self.region;
+        let mut own = vec![Vec4::ZERO; width * height];
+        for Credit { texel, weight, value } in credits {
+            let (column, row) = (texel as usize % self.width - x, texel as usize / self.width - y);
+            own[row * width + column] += value.extend(weight);
+        }
+        around(&around(&own, width, 1), height, width)
+    }
+}
+
+/// Returns sums of `2 · REACH + 1` values along an axis of `length` values with this stride.
+fn around(values: &[Vec4], length: usize, stride: usize) -> Vec<Vec4> {
+    let sum = |index: usize| {
+        let place = index / stride % length;
+        let (first, last) = (place.saturating_sub(REACH), (place + REACH).min(length - 1));
+        let start = index - place * stride;
+        (first..=last).map(|i| values[start + i * stride]).sum()
+    };
+    (0..values.len()).map(sum).collect()
+}
