@@ -18,8 +18,11 @@ if __name__ == "__main__":
     # Answer signals before any slow import. Under Blender the folder of this file is not in the module path.
     sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
     from addon.ending import answer_signals, leave
+    from addon.guard import arguments, guarded
 
-    answer_signals("bake.py: cancelled, nothing was written")
+    CANCELLED = "bake.py: cancelled, nothing was written"
+    with guarded("bake.py", CANCELLED):
+        answer_signals(CANCELLED)
 
 import argparse
 import json
@@ -106,12 +109,15 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
     """Run the action and return its last line of output. Raise `Refusal`."""
     _find_blender()
     import leafcloud
+    from addon import guard
     from addon.errors import SceneError
     from addon.settings.flags import with_flags
     from addon.settings.notes import notes
 
     for note in notes(settings):
         console.note(with_flags(note))
+    if (options.memory or options.minutes) and not guard.is_guarded:
+        console.note("--memory and --minutes have no effect inside Blender, and on other systems than Linux")
     try:
         if options.plan_only:
             return _plan(options, settings, console)
@@ -391,16 +397,10 @@ def _own_console() -> Iterator[_Console]:
                 sys.stderr.write(log.read().decode(errors="replace"))
 
 
-def _arguments() -> list[str]:
-    """Return the program's arguments: those after `--` under Blender, all of them under Python."""
-    given = sys.argv
-    return given[given.index("--") + 1 :] if "--" in given else given[1:]
-
-
-def _status() -> int:
+def _status(given: Sequence[str]) -> int:
     """Run the program and return the exit status. Print the traceback of an unexpected error."""
     try:
-        return main(_arguments())
+        return main(given)
     except SystemExit as ended:  # After --help.
         return int(ended.code or 0)
     except Exception:
@@ -409,4 +409,4 @@ def _status() -> int:
 
 
 if __name__ == "__main__":
-    leave(_status())
+    leave(_status(arguments()))

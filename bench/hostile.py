@@ -16,7 +16,6 @@ import argparse
 import os
 import random
 import re
-import resource
 import shutil
 import subprocess
 import sys
@@ -26,14 +25,19 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import psutil
+
 ROOT = Path(__file__).resolve().parents[1]
-FLAGS = ("--texture-size", "64", "--levels", "1", "--epsilon", "0.3", "--min-visibility", "0")
 SECONDS = 30
 MEMORY = 3 << 30
 """Limits of a bake: seconds, and bytes of resident memory."""
+FLAGS = ("--texture-size", "64", "--levels", "1", "--epsilon", "0.3", "--min-visibility", "0")
+OWN_LIMITS = ("--memory", f"{0.9 * MEMORY / 2**30:.3g}", "--minutes", f"{0.9 * SECONDS / 60:.3g}")
+"""Limits that the bake keeps by itself."""
 SEED = 20261126
 
 GOOD = ("baked", "named")
@@ -77,8 +81,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sys.path[:0] = [str(ROOT / "bench")]
     from hostile_blends import blend_cases
     from hostile_files import gltf_cases, obj_cases
+    from hostile_masses import mass_cases
 
-    every = [*gltf_cases(), *obj_cases(), *blend_cases()]
+    every = [*gltf_cases(), *obj_cases(), *blend_cases(), *mass_cases()]
     cases = [case for case in every if re.search(options.only, case.name)]
     if options.sample is not None and options.sample < len(cases):
         chosen = set(random.Random(SEED).sample(range(len(cases)), options.sample))
@@ -129,7 +134,7 @@ def _kind(name: str) -> str:
     return " ".join(words[:2]) if words[0] in ("obj", "blend") and words[1] in _KINDS else words[0]
 
 
-_KINDS = ("library", "image", "option", "corner", "line", "cut", "bytes", "name", "shared", "compressed")
+_KINDS = ("library", "image", "option", "corner", "line", "cut", "bytes", "name", "shared", "compressed", "mass")
 
 
 def _bake(name: str, source: Path, folder: Path, free: threading.Semaphore) -> End:
@@ -154,6 +159,7 @@ def _ended(name: str, source: Path, folder: Path) -> End:
         "BLENDER_USER_RESOURCES": str(folder / "home"),
     }
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(source), "--out", str(folder / "out"), *FLAGS]
+    command += OWN_LIMITS
     begin = time.monotonic()
     with open(folder / "errors", "wb") as errors:
         process = subprocess.Popen(
@@ -212,10 +218,13 @@ def _watch(process: subprocess.Popen[bytes], begin: float) -> tuple[str, int]:
 
 
 def _resident(pid: int) -> int:
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize()
-    except (OSError, IndexError):
-        return 0
+    """Return the bytes of a process and of those that it started."""
+    total = 0
+    with suppress(psutil.Error):
+        process = psutil.Process(pid)
+        for each in (process, *process.children(recursive=True)):
+            total += each.memory_info().rss
+    return total
 
 
 def _contents(folder: Path) -> set[str]:
