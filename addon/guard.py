@@ -57,16 +57,17 @@ def guarded(program: str, cancelled: str) -> Iterator[None]:
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {*ending.SIGNALS, signal.SIGCHLD})
     receiver, sender = os.pipe()
-    guard = os.getpid()
+    guard = _Guard(program, cancelled, receiver, _limits(arguments()))
+    number = os.getpid()
     with suppress(OSError):  # No process is left for the user: the bake runs without a guard.
         child = os.fork()
         if child:
             os.close(sender)
-            os._exit(_Guard(program, cancelled, child, receiver).status())
+            os._exit(guard.status(child))
         is_guarded = True
         ending.tell_commits(sender)
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
-        if os.getppid() != guard:
+        if os.getppid() != number:
             os._exit(1)
     os.close(receiver)
     yield
@@ -80,17 +81,18 @@ def arguments() -> list[str]:
 
 
 class _Guard:
-    """The guard of the process `child`. It can read `commits` once the bake replaces files: then it must go on."""
+    """A guard, made before the bake begins. It can read `commits` once the bake replaces files: then it must go on."""
 
-    def __init__(self, program: str, cancelled: str, child: int, commits: int) -> None:
+    def __init__(self, program: str, cancelled: str, commits: int, limits: Limits) -> None:
         self._program, self._cancelled = program, cancelled
-        self._child, self._commits = child, commits
+        self._commits, self._limits = commits, limits
         self._commits_now = False
-        self._limits = _limits(arguments())
-        self._missing = _missing(self._limits.out)
+        self._missing = _missing(limits.out)
+        self._child = 0
 
-    def status(self) -> int:
+    def status(self, child: int) -> int:
         """Wait for the end of the bake. Return the exit status."""
+        self._child = child
         begin = time.monotonic()
         asked: tuple[int, float] | None = None
         os.set_blocking(self._commits, False)

@@ -107,15 +107,6 @@ def _collections(depth: int, width: int) -> Make:
     return make
 
 
-def _collection_in_itself(_: Path) -> None:
-    collection = bpy.data.collections.new("itself")
-    bpy.context.scene.collection.children.link(collection)
-    collection.objects.link(leaves("more leaves"))
-    for number in range(20):
-        empty = _empty(f"empty {number}", collection)
-        _set(empty, {"instance_type": "COLLECTION", "instance_collection": collection})
-
-
 def _faces(depth: int) -> Make:
     """Return a builder of leaves on the faces of leaves, again and again."""
 
@@ -145,7 +136,6 @@ _INSTANCES: dict[str, Make] = {
     "collections 2³⁰": _collections(30, 2),
     "collections 10⁷": _collections(7, 10),
     "collections 30⁵": _collections(5, 30),
-    "collection in itself": _collection_in_itself,
     "faces 24⁶": _faces(6),
     "faces 24²⁰": _faces(20),
     "10⁷ particles": _particles(count=10**7, render_type="OBJECT"),
@@ -220,9 +210,9 @@ def _repeated(tree: bpy.types.NodeTree, iterations: int, *, grow: bool) -> bpy.t
 
 
 def _nested_groups(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
-    """Fifty node groups. Each uses the one before twice, one after the other."""
+    """Eighteen node groups. Each uses the one before twice, one after the other."""
     inner = None
-    for depth in range(50):
+    for depth in range(18):
         group = bpy.data.node_groups.new(f"group {depth}", "GeometryNodeTree")
         group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
         group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
