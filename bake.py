@@ -17,9 +17,10 @@ import sys
 if __name__ == "__main__":
     # Answer signals before any slow import. Under Blender the folder of this file is not in the module path.
     sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-    from addon.ending import answer_signals, leave
+    from addon.ending import answer_signals, leave, open_closed_streams
     from addon.guard import arguments, guarded
 
+    open_closed_streams()
     CANCELLED = "bake.py: cancelled, nothing was written"
     with guarded("bake.py", CANCELLED):
         answer_signals(CANCELLED)
@@ -30,7 +31,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -66,7 +67,7 @@ def main(arguments: Sequence[str]) -> int:
     try:
         _find_wheel()
     except Refusal as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
+        _print(f"{PROGRAM}: {error}", sys.stderr)
         return 1
     from addon.settings.bake import WISHES, flag
     from addon.settings.effects import asked_effects
@@ -90,11 +91,11 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError("baked light needs one scene, but --input has several files: open a scene with all trees")
         own_temporary_folder()
     except UsageError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
+        _print(f"{PROGRAM}: {error}", sys.stderr)
         return 2
     except OSError as error:
         remedy = "make room for temporary files, or name another folder in the environment variable TMPDIR"
-        print(f"{PROGRAM}: no temporary folder: {error}; {remedy}", file=sys.stderr, flush=True)
+        _print(f"{PROGRAM}: no temporary folder: {error}; {remedy}", sys.stderr)
         return 1
     with _own_console() as console:
         try:
@@ -319,23 +320,26 @@ def _printable(text: str) -> str:
 
 
 class _Console:
-    """Standard output and error for the program's own messages, while Blender's output goes into a log."""
+    """Standard output and error for the program's own messages, while Blender's output goes into a log.
+
+    A message that cannot be written is lost, such as to a reader that has ended: the bake goes on.
+    """
 
     def __init__(self, out: TextIO, err: TextIO) -> None:
         self._out, self._err = out, err
 
     def tell(self, text: str) -> None:
-        print(text, file=self._out, flush=True)
+        _print(text, self._out)
 
     def progress(self, stage: str) -> None:
-        print(f"{PROGRAM}: {stage} …", file=self._err, flush=True)
+        _print(f"{PROGRAM}: {stage} …", self._err)
 
     def warn(self, warnings: Sequence[str]) -> None:
         for warning in warnings:
-            print(f"{PROGRAM}: warning: {_printable(warning)}", file=self._err, flush=True)
+            _print(f"{PROGRAM}: warning: {_printable(warning)}", self._err)
 
     def note(self, text: str) -> None:
-        print(f"{PROGRAM}: note: {_printable(text)}", file=self._err, flush=True)
+        _print(f"{PROGRAM}: note: {_printable(text)}", self._err)
 
     def camera_notes(self, notes: Sequence[CameraNote]) -> None:
         from addon.settings.flags import with_flags
@@ -345,7 +349,12 @@ class _Console:
             self.note(with_flags(note.text + remedy))
 
     def refuse(self, reason: str) -> None:
-        print(f"{PROGRAM}: {_printable(reason)}", file=self._err, flush=True)
+        _print(f"{PROGRAM}: {_printable(reason)}", self._err)
+
+
+def _print(text: str, file: TextIO) -> None:
+    with suppress(OSError):
+        print(text, file=file, flush=True)
 
 
 class _Stages:
@@ -370,8 +379,9 @@ def _own_console() -> Iterator[_Console]:
 
     Blender prints from C, so the file descriptors themselves are redirected.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
     kept = [os.dup(1), os.dup(2)]
     streams = [
         open(os.dup(descriptor), "w", encoding=stream.encoding, errors="backslashreplace")  # noqa: SIM115
@@ -385,16 +395,18 @@ def _own_console() -> Iterator[_Console]:
             yield _Console(*streams)
             broke = False
         finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError):
+                    stream.flush()
             for descriptor, number in zip(kept, (1, 2), strict=True):
                 os.dup2(descriptor, number)
                 os.close(descriptor)
             for stream in streams:
-                stream.close()
+                with suppress(OSError):
+                    stream.close()
             if broke:
                 log.seek(0)
-                sys.stderr.write(log.read().decode(errors="replace"))
+                _print(log.read().decode(errors="replace"), sys.stderr)
 
 
 def _status(given: Sequence[str]) -> int:
@@ -404,7 +416,8 @@ def _status(given: Sequence[str]) -> int:
     except SystemExit as ended:  # After --help.
         return int(ended.code or 0)
     except Exception:
-        traceback.print_exc()
+        with suppress(OSError):
+            traceback.print_exc()
         return 1
 
 

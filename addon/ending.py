@@ -82,6 +82,20 @@ def finish() -> None:
     _finished = True
 
 
+def open_closed_streams() -> None:
+    """Open standard input, output and error as the null device where they are closed.
+
+    Otherwise other files would get their numbers, and the texts that are printed. Call this before any file is opened.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # The system gives the smallest free number.
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
 def tell_commits(guard: int) -> None:
     """Tell of commits through a pipe to the guard of this process: see `guard`."""
     global _guard
