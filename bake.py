@@ -27,6 +27,7 @@ if __name__ == "__main__":
 
 import argparse
 import json
+import re
 import tempfile
 import time
 import traceback
@@ -242,6 +243,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
         pass  # Report a folder that is not writable before the work, not after it.
     stages("read", 0.0)
     trees, name = _trees(options)
+    _keep_sources(options.input or [Path(bpy.data.filepath)], options.out, [name, *trees])
     scene = bpy.context.scene
     stages("prepare", 0.0)
     prepared = prepare_tree_set(trees, settings, layer_of(scene), with_flags)
@@ -261,6 +263,14 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     levels = max(len(tree.levels) for tree in tree_set.trees)
     of_trees = f" of {len(trees)} trees" if len(trees) > 1 else ""
     return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}; {_savings(told)}"
+
+
+def _keep_sources(sources: Sequence[Path], out: Path, names: Sequence[str]) -> None:
+    """Raise `Refusal` if the results with these names would replace a file that is baked."""
+    results = re.compile(rf"({'|'.join(map(re.escape, names))})(_LOD\d+)?\.(glb|blend)", re.IGNORECASE)
+    for source in sources:
+        if results.fullmatch(source.name) and out.is_dir() and out.samefile(source.parent):
+            raise Refusal(f"the results in {out} would replace {source}, which is baked: choose another --out")
 
 
 def _savings(told: Sequence[dict[str, Any]]) -> str:
