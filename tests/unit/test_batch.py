@@ -64,6 +64,8 @@ def test_unchanged_trees_are_skipped(studio: Studio) -> None:
     assert baked_again() == ["ash"]
     (studio.out / "fir" / "tree.glb").unlink()
     assert baked_again() == ["fir"]
+    (studio.out / "fir" / "tree.glb").write_text("cut")
+    assert baked_again() == ["fir"]
     more = ("--", "--levels", "1")
     assert baked_again() == ["ash", "fir"]
     studio.program.write_text(PROGRAM + "# changed\n")
