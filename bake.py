@@ -133,12 +133,16 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
 
 
 def _find_blender() -> None:
-    """Raise `Refusal` if the module bpy is missing."""
+    """Import bpy. Raise `Refusal` if it is missing, or cannot be loaded, such as with too little memory."""
     if find_spec("bpy") is None:
         raise Refusal(
             f"{sys.executable} has no module bpy: run `make setup` and use .venv/bin/python, or run "
             "`blender -b --python bake.py -- …`"
         )
+    try:
+        import bpy  # noqa: F401
+    except ImportError as error:
+        raise Refusal(f"the module bpy cannot be loaded: {error}; free memory, or run `make setup` again") from error
 
 
 def _find_wheel() -> None:

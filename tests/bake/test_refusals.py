@@ -191,3 +191,14 @@ def test_a_name_that_is_no_utf_8_is_baked(shrub: Path, tmp_path: Path) -> None:
     done = run("--input", file, "--out", tmp_path / "bl\udce4tter", *QUICK, "--levels", 1)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "bl\udce4tter" / "b_um.glb").is_file()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit the address space")
+def test_too_little_memory_for_blender_is_told(shrub: Path, tmp_path: Path) -> None:
+    command = ["bash", "-c", 'ulimit -v 300000; exec "$@"', "bash", sys.executable, BAKE, "--input", shrub]
+    done = subprocess.run(
+        [str(each) for each in (*command, "--out", tmp_path / "out")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("bake.py: the module bpy cannot be loaded: ")
+    assert done.stderr.count("\n") == 1
