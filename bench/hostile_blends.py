@@ -43,6 +43,7 @@ def saved(make: Callable[[Path], object], *, compress: bool = False) -> Write:
         _call("WM_OT_read_factory_settings", use_empty=True)
         after = make(folder)
         _call("WM_OT_save_as_mainfile", filepath=str(folder / "tree.blend"), compress=compress)
+        _call("WM_OT_read_factory_settings", use_empty=True)  # Else the next operator evaluates the scene here.
         if callable(after):
             after()
         return folder / "tree.blend"
