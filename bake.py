@@ -17,17 +17,22 @@ import sys
 if __name__ == "__main__":
     # Answer signals before any slow import. Under Blender the folder of this file is not in the module path.
     sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-    from addon.ending import answer_signals, leave
+    from addon.ending import answer_signals, leave, open_closed_streams
+    from addon.guard import arguments, guarded
 
-    answer_signals("bake.py: cancelled, nothing was written")
+    open_closed_streams()
+    CANCELLED = "bake.py: cancelled, nothing was written"
+    with guarded("bake.py", CANCELLED):
+        answer_signals(CANCELLED)
 
 import argparse
 import json
+import re
 import tempfile
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
@@ -63,7 +68,7 @@ def main(arguments: Sequence[str]) -> int:
     try:
         _find_wheel()
     except Refusal as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
+        _print(f"{PROGRAM}: {error}", sys.stderr)
         return 1
     from addon.settings.bake import WISHES, flag
     from addon.settings.effects import asked_effects
@@ -87,11 +92,11 @@ def main(arguments: Sequence[str]) -> int:
             raise UsageError("baked light needs one scene, but --input has several files: open a scene with all trees")
         own_temporary_folder()
     except UsageError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr, flush=True)
+        _print(f"{PROGRAM}: {error}", sys.stderr)
         return 2
     except OSError as error:
         remedy = "make room for temporary files, or name another folder in the environment variable TMPDIR"
-        print(f"{PROGRAM}: no temporary folder: {error}; {remedy}", file=sys.stderr, flush=True)
+        _print(f"{PROGRAM}: no temporary folder: {error}; {remedy}", sys.stderr)
         return 1
     with _own_console() as console:
         try:
@@ -106,12 +111,15 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
     """Run the action and return its last line of output. Raise `Refusal`."""
     _find_blender()
     import leafcloud
+    from addon import guard
     from addon.errors import SceneError
     from addon.settings.flags import with_flags
     from addon.settings.notes import notes
 
     for note in notes(settings):
         console.note(with_flags(note))
+    if (options.memory or options.minutes) and not guard.is_guarded:
+        console.note("--memory and --minutes have no effect inside Blender, and on other systems than Linux")
     try:
         if options.plan_only:
             return _plan(options, settings, console)
@@ -125,12 +133,16 @@ def _run(options: argparse.Namespace, settings: BakeSettings, console: _Console)
 
 
 def _find_blender() -> None:
-    """Raise `Refusal` if the module bpy is missing."""
+    """Import bpy. Raise `Refusal` if it is missing, or cannot be loaded, such as with too little memory."""
     if find_spec("bpy") is None:
         raise Refusal(
             f"{sys.executable} has no module bpy: run `make setup` and use .venv/bin/python, or run "
             "`blender -b --python bake.py -- …`"
         )
+    try:
+        import bpy  # noqa: F401
+    except ImportError as error:
+        raise Refusal(f"the module bpy cannot be loaded: {error}; free memory, or run `make setup` again") from error
 
 
 def _find_wheel() -> None:
@@ -235,6 +247,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
         pass  # Report a folder that is not writable before the work, not after it.
     stages("read", 0.0)
     trees, name = _trees(options)
+    _keep_sources(options.input or [Path(bpy.data.filepath)], options.out, [name, *trees])
     scene = bpy.context.scene
     stages("prepare", 0.0)
     prepared = prepare_tree_set(trees, settings, layer_of(scene), with_flags)
@@ -254,6 +267,14 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     levels = max(len(tree.levels) for tree in tree_set.trees)
     of_trees = f" of {len(trees)} trees" if len(trees) > 1 else ""
     return f"{name}: {levels} levels{of_trees}, {len(report['files'])} files in {options.out}; {_savings(told)}"
+
+
+def _keep_sources(sources: Sequence[Path], out: Path, names: Sequence[str]) -> None:
+    """Raise `Refusal` if the results with these names would replace a file that is baked."""
+    results = re.compile(rf"({'|'.join(map(re.escape, names))})(_LOD\d+)?\.(glb|blend)", re.IGNORECASE)
+    for source in sources:
+        if results.fullmatch(source.name) and out.is_dir() and out.samefile(source.parent):
+            raise Refusal(f"the results in {out} would replace {source}, which is baked: choose another --out")
 
 
 def _savings(told: Sequence[dict[str, Any]]) -> str:
@@ -313,23 +334,26 @@ def _printable(text: str) -> str:
 
 
 class _Console:
-    """Standard output and error for the program's own messages, while Blender's output goes into a log."""
+    """Standard output and error for the program's own messages, while Blender's output goes into a log.
+
+    A message that cannot be written is lost, such as to a reader that has ended: the bake goes on.
+    """
 
     def __init__(self, out: TextIO, err: TextIO) -> None:
         self._out, self._err = out, err
 
     def tell(self, text: str) -> None:
-        print(text, file=self._out, flush=True)
+        _print(text, self._out)
 
     def progress(self, stage: str) -> None:
-        print(f"{PROGRAM}: {stage} …", file=self._err, flush=True)
+        _print(f"{PROGRAM}: {stage} …", self._err)
 
     def warn(self, warnings: Sequence[str]) -> None:
         for warning in warnings:
-            print(f"{PROGRAM}: warning: {_printable(warning)}", file=self._err, flush=True)
+            _print(f"{PROGRAM}: warning: {_printable(warning)}", self._err)
 
     def note(self, text: str) -> None:
-        print(f"{PROGRAM}: note: {_printable(text)}", file=self._err, flush=True)
+        _print(f"{PROGRAM}: note: {_printable(text)}", self._err)
 
     def camera_notes(self, notes: Sequence[CameraNote]) -> None:
         from addon.settings.flags import with_flags
@@ -339,7 +363,12 @@ class _Console:
             self.note(with_flags(note.text + remedy))
 
     def refuse(self, reason: str) -> None:
-        print(f"{PROGRAM}: {_printable(reason)}", file=self._err, flush=True)
+        _print(f"{PROGRAM}: {_printable(reason)}", self._err)
+
+
+def _print(text: str, file: TextIO) -> None:
+    with suppress(OSError):
+        print(text, file=file, flush=True)
 
 
 class _Stages:
@@ -364,8 +393,9 @@ def _own_console() -> Iterator[_Console]:
 
     Blender prints from C, so the file descriptors themselves are redirected.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError):
+            stream.flush()
     kept = [os.dup(1), os.dup(2)]
     streams = [
         open(os.dup(descriptor), "w", encoding=stream.encoding, errors="backslashreplace")  # noqa: SIM115
@@ -379,34 +409,31 @@ def _own_console() -> Iterator[_Console]:
             yield _Console(*streams)
             broke = False
         finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError):
+                    stream.flush()
             for descriptor, number in zip(kept, (1, 2), strict=True):
                 os.dup2(descriptor, number)
                 os.close(descriptor)
             for stream in streams:
-                stream.close()
+                with suppress(OSError):
+                    stream.close()
             if broke:
                 log.seek(0)
-                sys.stderr.write(log.read().decode(errors="replace"))
+                _print(log.read().decode(errors="replace"), sys.stderr)
 
 
-def _arguments() -> list[str]:
-    """Return the program's arguments: those after `--` under Blender, all of them under Python."""
-    given = sys.argv
-    return given[given.index("--") + 1 :] if "--" in given else given[1:]
-
-
-def _status() -> int:
+def _status(given: Sequence[str]) -> int:
     """Run the program and return the exit status. Print the traceback of an unexpected error."""
     try:
-        return main(_arguments())
+        return main(given)
     except SystemExit as ended:  # After --help.
         return int(ended.code or 0)
     except Exception:
-        traceback.print_exc()
+        with suppress(OSError):
+            traceback.print_exc()
         return 1
 
 
 if __name__ == "__main__":
-    leave(_status())
+    leave(_status(arguments()))

@@ -34,6 +34,7 @@ unfinished: list[Callable[[], None]] = []
 _ending = threading.Lock()
 _stepping = False
 _finished = False
+_guard: int | None = None
 
 
 def answer_signals(words: str) -> None:
@@ -81,6 +82,33 @@ def finish() -> None:
     _finished = True
 
 
+def open_closed_streams() -> None:
+    """Open standard input, output and error as the null device where they are closed.
+
+    Otherwise other files would get their numbers, and the texts that are printed. Call this before any file is opened.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # The system gives the smallest free number.
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+
+
+def tell_commits(guard: int) -> None:
+    """Tell of commits through a pipe to the guard of this process: see `guard`."""
+    global _guard
+    _guard = guard
+
+
+def commit() -> None:
+    """Tell the guard that files are replaced from now on, so that it kills this process no more."""
+    if _guard is not None:
+        with suppress(OSError):
+            os.write(_guard, b".")
+
+
 def own_temporary_folder() -> None:
     """Move the temporary files of Python and Blender to a folder that is removed at the end. Raise `OSError`.
 
@@ -90,16 +118,26 @@ def own_temporary_folder() -> None:
     import tempfile
     from pathlib import Path
 
-    from .locked_folders import left_behind, locked_folder
+    from .locked_folders import locked_folder
 
-    directory = Path(tempfile.gettempdir())
-    for folder in left_behind(directory, _TEMPORARY):
-        shutil.rmtree(folder, ignore_errors=True)
+    remove_left_behind()
     with step():
-        own, _ = locked_folder(directory, _TEMPORARY)
+        own, _ = locked_folder(Path(tempfile.gettempdir()), _TEMPORARY)
         unfinished.append(lambda: shutil.rmtree(own))
     tempfile.tempdir = str(own)
     os.environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(own)))
+
+
+def remove_left_behind() -> None:
+    """Remove the temporary folders of processes that were killed. Raise `OSError` without a folder for such files."""
+    import shutil
+    import tempfile
+    from pathlib import Path
+
+    from .locked_folders import left_behind
+
+    for folder in left_behind(Path(tempfile.gettempdir()), _TEMPORARY):
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def leave(status: int) -> NoReturn:

@@ -4,7 +4,7 @@ usage: python bench/batch.py [TREE.glb …]      (default: six trees of ../share
 
 The trees are baked one by one with `bake.py`, then by `leafcloud-batch` with one and with two processes, then by three
 workers of a Dask scheduler on this machine. All bakes have the same settings; a bake uses all cores by itself. Then the
-same batch is run again, with nothing to do. Writes docs/bench/batch.md.
+same batch is run again, with nothing to do. Writes docs/bench/batch.md. Exit status 1 if a batch exceeds the overhead.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -27,11 +27,13 @@ FOLIAGE = ROOT.parent / "shared" / "foliage"
 TREES = ("shrub", "oak_cards_11k", "maple_13k", "pine_cards_20k", "bush_ash_5k", "shapespark_tree1")
 WORKERS = 3
 LIBRARY = 100_000
+MOST_OVERHEAD = 10
+"""Limit on the overhead, in percent. Above it the exit status is 1."""
 
 INTRODUCTION = """# Batches
 
 Made by `make bench-batch`: {count} trees, baked one by one, and by `leafcloud-batch`. *Overhead*: over the sum of
-single bakes; limit 10 %. A bake uses all cores by itself, so more processes help only where a part of it cannot.
+single bakes; limit {limit} %. A bake uses all cores by itself, so more processes help only where a part of it cannot.
 
 """
 ON_PAPER = """
@@ -95,7 +97,13 @@ def waited(log: Path, pattern: str) -> str:
     raise SystemExit(f"no Dask: {log.read_text()}")
 
 
-def main() -> None:
+def too_slow(rows: Sequence[tuple[str, float]], single: float) -> list[str]:
+    """Return a sentence for each row of seconds that exceeds those of single bakes by more than the limit."""
+    over = [(name, 100.0 * (seconds / single - 1.0)) for name, seconds in rows]
+    return [f"{name}: {more:+.1f} %, limit {MOST_OVERHEAD} %" for name, more in over if more > MOST_OVERHEAD]
+
+
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("trees", nargs="*", type=Path)
     usual = [ROOT / "examples" / f"{TREES[0]}.glb", *(FOLIAGE / f"{name}.glb" for name in TREES[1:])]
@@ -128,10 +136,13 @@ def main() -> None:
         storage=LIBRARY * size / 1e6,
         rate=100.0 * size / best,
     )
-    text = INTRODUCTION.format(count=len(trees)) + "\n".join(lines) + "\n" + paper
+    text = INTRODUCTION.format(count=len(trees), limit=MOST_OVERHEAD) + "\n".join(lines) + "\n" + paper
     print(text)
     (ROOT / "docs" / "bench" / "batch.md").write_text(text)
+    broken = too_slow(rows, single)
+    print("".join(f"{line}\n" for line in broken), end="", file=sys.stderr)
+    return int(bool(broken))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -48,8 +48,7 @@ earlier bake. Then the bake is run again, without the fault.
 - *ended well*: the bake was done before the fault, or was not disturbed by it.
 - *lost*: files that are missing afterwards. *mixed*: files that are neither of the earlier bake nor of the new one.
 - *left behind*: files and folders beside the results after the rerun.
-- *status*: exit statuses that do not tell what happened. Where the system refuses memory, Blender and the core may
-  abort (status −6) or crash (−11): the files stay whole all the same.
+- *status*: exit statuses that do not tell what happened.
 - *rerun*: reruns that did not complete.
 
 """

@@ -1,39 +1,47 @@
 """Bakes hostile files, and counts how the bakes end: `make hostile`.
 
-usage: python bench/hostile.py [--only PATTERN] [--sample N] [--list]      (default: all files, an hour)
+usage: python bench/hostile.py [--only PATTERN] [--sample N] [--list] [--ends FILE]      (default: all files, two hours)
 
 Each file is a small tree with one change (`hostile_files`, `hostile_blends`), in a folder with a pipe, links, a sparse
 file and a file outside of it. Each bake has a process, a folder of its own, SECONDS, and MEMORY; two run at a time. If
 the system allows, they have no network.
 
-A bake must end well, or with one line on standard error that names the file and a remedy. Without --only, the counts go
-to docs/hostile.md.
+A bake must end well, or with one line on standard error that names the fault and a remedy. Without --only, the counts
+go to docs/hostile.md. The files are baked in a random order; after an interrupt, the same command with --ends goes on.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import re
-import resource
 import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import time
-from collections import Counter
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import psutil
+
+if TYPE_CHECKING:
+    from hostile_files import Case
 
 ROOT = Path(__file__).resolve().parents[1]
-FLAGS = ("--texture-size", "64", "--levels", "1", "--epsilon", "0.3", "--min-visibility", "0")
 SECONDS = 30
 MEMORY = 3 << 30
 """Limits of a bake: seconds, and bytes of resident memory."""
+FLAGS = ("--texture-size", "64", "--levels", "1", "--epsilon", "0.3", "--min-visibility", "0")
+OWN_LIMITS = ("--memory", f"{0.9 * MEMORY / 2**30:.3g}", "--minutes", f"{0.8 * SECONDS / 60:.3g}")
+"""Limits that the bake keeps by itself."""
 SEED = 20261126
 
 GOOD = ("baked", "named")
@@ -43,16 +51,18 @@ INTRODUCTION = f"""# Hostile files
 
 Made by `make hostile`: each file is a small tree with one change, baked by a process of its own with {SECONDS} seconds
 and {MEMORY >> 30} GiB of memory. Pipes, devices, links and sparse files are beside it, another file is outside of its
-folder.
+folder. The bakes get the flags `{" ".join(OWN_LIMITS)}`.
 
-- *baked*: the bake ended well. *named*: it was refused in one line that names the file and a remedy.
+- *baked*: the bake ended well. *named*: it was refused in one line with the fault and a remedy.
 - *unnamed*: refused in another way. *traceback*: with a traceback. *crash*: by a signal. *hang*, *memory*: over a
   limit.
 - *escape*: something was written outside of the folder for results.
 
 Images up to 8192 × 8192 texels and scenes up to ten million triangles are no attack: their bakes take minutes and
-gigabytes. Not checked: modifiers, instances and geometry nodes that fill the memory before a bake can count them, and
-damage inside the blocks of a .blend file, which may crash Blender.
+gigabytes. Some bytes of modifiers, instances or geometry nodes can fill any memory or take for ever, and damage inside
+the blocks of a .blend file may crash Blender. No check can find these before Blender evaluates the scene. So a guard
+watches the bake from outside (`addon/guard.py`, on Linux): it ends the bake at `--memory`, by default 90 % of the free
+memory, and at `--minutes`, and names a crash.
 
 """
 
@@ -73,12 +83,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", metavar="PATTERN", default="", help="bake the files with names that match a pattern")
     parser.add_argument("--sample", metavar="N", type=int, help="bake N of the files, chosen at random")
     parser.add_argument("--list", action="store_true", help="list the names of the files")
+    parser.add_argument("--ends", metavar="FILE", type=Path, help="add each end to a file, and bake none that is in it")
     options = parser.parse_args(arguments)
     sys.path[:0] = [str(ROOT / "bench")]
     from hostile_blends import blend_cases
     from hostile_files import gltf_cases, obj_cases
+    from hostile_masses import mass_cases
 
-    every = [*gltf_cases(), *obj_cases(), *blend_cases()]
+    every = [*gltf_cases(), *obj_cases(), *blend_cases(), *mass_cases()]
     cases = [case for case in every if re.search(options.only, case.name)]
     if options.sample is not None and options.sample < len(cases):
         chosen = set(random.Random(SEED).sample(range(len(cases)), options.sample))
@@ -86,23 +98,46 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.list:
         print("\n".join(case.name for case in cases))
         return 0
-    ends = []
-    with tempfile.TemporaryDirectory(prefix="hostile-") as place, ThreadPoolExecutor(2) as pool:
-        free = threading.Semaphore(2)
-        waiting = []
-        for number, case in enumerate(cases):  # Blender makes the files in this thread.
-            free.acquire()
-            folder = Path(place) / str(number)
-            (folder / "in").mkdir(parents=True)
-            source = case.write(folder / "in")
-            waiting.append(pool.submit(_bake, case.name, source, folder, free))
-        for each in waiting:
-            ends.append(each.result())
+    ends = _known(options.ends, {case.name for case in cases})
+    done = {end.name for end in ends}
+    left = [case for case in cases if case.name not in done]
+    random.Random(SEED).shuffle(left)
+    with suppress(KeyboardInterrupt):
+        for end in _bake_all(left):
+            ends.append(end)
+            if options.ends is not None:
+                with options.ends.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(asdict(end)) + "\n")
+    order = {case.name: number for number, case in enumerate(cases)}
+    ends.sort(key=lambda end: order[end.name])
     text = f"{len(ends)} of {len(every)} files:\n\n{table(ends)}"
     print(text)
     if not options.only:
         (ROOT / "docs" / "hostile.md").write_text(INTRODUCTION + text, encoding="utf-8")
     return int(any(end.how not in GOOD for end in ends))
+
+
+def _known(file: Path | None, names: set[str]) -> list[End]:
+    """Return the ends in a file of an earlier run, of the named cases."""
+    if file is None or not file.exists():
+        return []
+    ends = [End(**json.loads(line)) for line in file.read_text(encoding="utf-8").splitlines()]
+    return [end for end in ends if end.name in names]
+
+
+def _bake_all(cases: Iterable[Case]) -> Iterator[End]:
+    """Bake the files of all cases. Yield the ends in the same order."""
+    with tempfile.TemporaryDirectory(prefix="hostile-") as place, ThreadPoolExecutor(2) as pool:
+        running: deque[Future[End]] = deque()
+        for number, case in enumerate(cases):  # Blender makes the files in this thread.
+            folder = Path(place) / str(number)
+            (folder / "in").mkdir(parents=True)
+            source = case.write(folder / "in")
+            running.append(pool.submit(_bake, case.name, source, folder))
+            if len(running) > 2:
+                yield running.popleft().result()
+        while running:
+            yield running.popleft().result()
 
 
 def table(ends: Iterable[End]) -> str:
@@ -129,10 +164,10 @@ def _kind(name: str) -> str:
     return " ".join(words[:2]) if words[0] in ("obj", "blend") and words[1] in _KINDS else words[0]
 
 
-_KINDS = ("library", "image", "option", "corner", "line", "cut", "bytes", "name", "shared", "compressed")
+_KINDS = ("library", "image", "option", "corner", "line", "cut", "bytes", "name", "shared", "compressed", "mass")
 
 
-def _bake(name: str, source: Path, folder: Path, free: threading.Semaphore) -> End:
+def _bake(name: str, source: Path, folder: Path) -> End:
     """Bake a file, delete its folder, and return how the bake ended."""
     try:
         end = _ended(name, source, folder)
@@ -141,7 +176,6 @@ def _bake(name: str, source: Path, folder: Path, free: threading.Semaphore) -> E
         return end
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-        free.release()
 
 
 def _ended(name: str, source: Path, folder: Path) -> End:
@@ -154,6 +188,7 @@ def _ended(name: str, source: Path, folder: Path) -> End:
         "BLENDER_USER_RESOURCES": str(folder / "home"),
     }
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(source), "--out", str(folder / "out"), *FLAGS]
+    command += OWN_LIMITS
     begin = time.monotonic()
     with open(folder / "errors", "wb") as errors:
         process = subprocess.Popen(
@@ -212,10 +247,13 @@ def _watch(process: subprocess.Popen[bytes], begin: float) -> tuple[str, int]:
 
 
 def _resident(pid: int) -> int:
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize()
-    except (OSError, IndexError):
-        return 0
+    """Return the bytes of a process and of those that it started."""
+    total = 0
+    with suppress(psutil.Error):
+        process = psutil.Process(pid)
+        for each in (process, *process.children(recursive=True)):
+            total += each.memory_info().rss
+    return total
 
 
 def _contents(folder: Path) -> set[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import random
 import struct
+import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -39,14 +40,20 @@ def saved(make: Callable[[Path], object], *, compress: bool = False) -> Write:
 
     def write(folder: Path) -> Path:
         surround(folder)
-        bpy.ops.wm.read_factory_settings(use_empty=True)
+        _call("WM_OT_read_factory_settings", use_empty=True)
         after = make(folder)
-        bpy.ops.wm.save_as_mainfile(filepath=str(folder / "tree.blend"), compress=compress)
+        _call("WM_OT_save_as_mainfile", filepath=str(folder / "tree.blend"), compress=compress)
+        _call("WM_OT_read_factory_settings", use_empty=True)  # Else the next operator evaluates the scene here.
         if callable(after):
             after()
         return folder / "tree.blend"
 
     return write
+
+
+def _call(operator: str, **options: object) -> None:
+    """Run an operator as `bpy.ops` does, but without evaluating the scene first: a bake is to do that."""
+    sys.modules["_bpy"].ops.call(operator, options)
 
 
 def blend_cases() -> Iterator[Case]:

@@ -268,7 +268,7 @@ LONGEST_NAME = 44
 
 def file_name(name: str) -> str:
     """Return `name`, shortened, with underscores for characters that file systems refuse or interpret; never empty."""
-    short = name.encode()[:LONGEST_NAME].decode(errors="ignore")
+    short = name.encode(errors="replace")[:LONGEST_NAME].decode(errors="ignore")
     return re.sub(r'[\x00-\x1f<>:"/\\|?*]|^[. ]|[. ]$', "_", short) or "tree"
 
 

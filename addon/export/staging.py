@@ -50,7 +50,7 @@ class Staging:
                     if not folder.is_dir():
                         folder.mkdir()
                         self._made.append(folder)
-                _recover(self._directory)
+                recover(self._directory)
                 self._folder, self._lock = locked_folder(self._directory, _PREFIX)
             except OSError:
                 self._clean()
@@ -94,6 +94,7 @@ class Staging:
         with ending.step():
             for name in self._files:
                 (self._folder / name).stat()
+            ending.commit()
             _decide(self._folder, self._files, sorted(set(earlier) - set(self._files)))
             self._made.clear()
             try:
@@ -142,13 +143,19 @@ def _plain_name(name: str) -> str:
     return name
 
 
-def _recover(directory: Path) -> None:
-    """Complete the commits, and remove the unfinished files, of processes that are dead."""
+def recover(directory: Path) -> bool:
+    """Complete the commits, and remove the unfinished files, of processes that are dead.
+
+    Returns whether it completed a commit.
+    """
+    completed = False
     for folder in left_behind(directory, _PREFIX):
         with suppress(OSError, ValueError, KeyError, TypeError):
             if (folder / _LIST).is_file() and not folder.name.endswith(_REMOVED):
                 _move(folder, directory)
+                completed = True
             _remove(folder)
+    return completed
 
 
 def _remove(folder: Path) -> None:

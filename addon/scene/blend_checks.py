@@ -28,6 +28,9 @@ from .input_files import check_regular, exists, opened, shown
 _NAMING = {b"LI\0\0", b"IM\0\0", b"SO\0\0", b"MC\0\0", b"VF\0\0", b"CF\0\0", b"VO\0\0"}
 """Blocks that name files: libraries, images, sounds, clips, fonts, caches and volumes."""
 
+_LARGEST_STRUCT = 4096
+"""Limit on the bytes of other blocks in which paths are looked for: modifiers and sockets of nodes name files, too."""
+
 _PATH = re.compile(rb"[^\0]{2,1023}")
 
 _MOST_UNPACKED = 200
@@ -97,8 +100,10 @@ def _names(file: _Reader, most: int) -> Iterator[str]:
         at += block.size + length
         if length < 0 or at > most:
             raise ValueError(f"the block {shown(code.decode('latin-1'))} has {length} bytes, more than the file")
-        if code in _NAMING:
-            yield from (os.fsdecode(name) for name in _PATH.findall(_read(file, length)) if b"/" in name)
+        if code in _NAMING or (code == b"DATA" and length <= _LARGEST_STRUCT):
+            content = _read(file, length)
+            if b"/" in content:
+                yield from (os.fsdecode(name) for name in _PATH.findall(content) if b"/" in name)
         else:
             file.seek(length, os.SEEK_CUR)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -49,6 +51,19 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--out", type=_folder, metavar="DIR", help="Output folder for all files. Created if missing")
     for setting in described():
         _add_setting(parser, setting)
+    parser.add_argument(
+        "--memory",
+        type=_limit,
+        metavar="GIB",
+        help="End the bake if it needs more memory. Only on Linux, outside of Blender (default: 90 %% of the free "
+        "memory)",
+    )
+    parser.add_argument(
+        "--minutes",
+        type=_limit,
+        metavar="M",
+        help="End the bake if it takes longer. Only on Linux, outside of Blender (default: no limit)",
+    )
     parser.add_argument(
         "--plan-only", action="store_true", help="Print the planned effects with their costs and reasons. Write nothing"
     )
@@ -145,6 +160,15 @@ def _folder(name: str) -> Path:
     if not name:
         raise argparse.ArgumentTypeError("the folder name is empty")
     return Path(name)
+
+
+def _limit(text: str) -> float:
+    """Read a limit of memory or time."""
+    with suppress(ValueError):
+        value = float(text)
+        if 0.0 < value < math.inf:
+            return value
+    raise argparse.ArgumentTypeError(f"{text!r} must be a number above 0")
 
 
 def _direction(text: str) -> tuple[float, float, float]:

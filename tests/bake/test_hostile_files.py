@@ -24,12 +24,14 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "bench"))
 
 from hostile_blends import blend_cases
 from hostile_files import Case, gltf_cases, obj_cases
+from hostile_masses import mass_cases
 
 
 def _cases() -> Iterator[Case]:
     yield from gltf_cases()
     yield from obj_cases()
     yield from blend_cases()
+    yield from mass_cases()
 
 
 CASES = {case.name: case for case in _cases()}
@@ -79,6 +81,9 @@ REFUSED = {
     "obj bomb png": "leaf.png has 16384 × 16384 texels",
     "blend library is a pipe": "library.blend, which is a pipe or a device",
     "blend library is a device": "library.blend, which is a pipe or a device",
+    "blend mass mesh cache //pipe": "pipe, which is a pipe or a device",
+    "blend mass OBJ from //pipe": "pipe, which is a pipe or a device",
+    "blend mass PLY from /dev/zero": "/dev/zero, which is a pipe or a device",
     "blend image //pipe": "pipe, which is a pipe or a device",
     "blend image /dev/zero": "/dev/zero, which is a pipe or a device",
     "blend generated image 16384": "image 'leaf' has 16384 × 16384 texels",
@@ -159,6 +164,20 @@ def test_a_million_instances_are_refused(folder: Path, tmp_path: Path) -> None:
     source = CASES["blend 1000000 instances"].write(folder)
     line = refusal(tmp_path / "out", "--input", source)
     assert "more than 10000000 triangles with all instances, counted to object 'ground'" in line
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has a guard")
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("blend mass subdivision 11", "more than 1 GiB of memory"),
+        ("blend 25000000 instances", "more than 1 GiB of memory"),
+        ("blend mass 10⁹ children", "the bake crashed"),
+    ],
+)
+def test_a_scene_that_no_check_can_judge_ends_in_one_line(name: str, words: str, folder: Path, tmp_path: Path) -> None:
+    source = CASES[name].write(folder)
+    assert words in refusal(tmp_path / "out", "--input", source, "--memory", 1)
 
 
 def test_files_in_folders_below_the_input_and_links_to_them_are_read(folder: Path) -> None:

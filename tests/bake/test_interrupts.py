@@ -32,16 +32,16 @@ def start(source: Path, out: Path, temporary: Path) -> subprocess.Popen[str]:
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # The tests may run with SIGINT ignored.
     )
-    while process.poll() is None and not catches(process.pid, signal.SIGTERM):
+    while process.poll() is None and not handles(process.pid, signal.SIGTERM):
         time.sleep(0.001)
     return process
 
 
-def catches(process: int, number: signal.Signals) -> bool:
-    """Return whether the process has a handler for the signal. Python by itself has none for SIGTERM."""
-    status = Path(f"/proc/{process}/status").read_text()
-    caught = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt:"))
-    return bool(int(caught, 16) >> (number - 1) & 1)
+def handles(process: int, number: signal.Signals) -> bool:
+    """Return whether the process catches the signal, or waits for it. Python by itself does neither for SIGTERM."""
+    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    sets = [int(line.split()[1], 16) for line in lines if line.startswith(("SigCgt:", "SigBlk:"))]
+    return any(each >> (number - 1) & 1 for each in sets)
 
 
 @pytest.fixture(scope="module")

@@ -158,3 +158,47 @@ def test_a_folder_that_is_full_is_refused_and_left_as_it_was(shrub: Path, tmp_pa
     assert ".glb: File too large; " in line
     assert [file.name for file in out.iterdir()] == ["report.json"]
     assert (out / "report.json").read_text() == "of an earlier bake"
+
+
+@pytest.mark.parametrize("source", ["tree.glb", "tree.blend", "Tree.GLB", "tree_LOD0.glb"])
+def test_a_bake_does_not_replace_its_input(source: str, shrub: Path, tmp_path: Path) -> None:
+    bpy.ops.import_scene.gltf(filepath=str(shrub))
+    file = tmp_path / source
+    if source.endswith(".blend"):
+        saved(file)
+    else:
+        file.write_bytes(shrub.read_bytes())
+    before = file.read_bytes()
+    out = tmp_path / "link"
+    out.symlink_to(tmp_path, target_is_directory=True)
+    done = run("--input", file, "--out", out, *QUICK)
+    assert done.returncode == 1
+    assert f"would replace {file}" in done.stderr
+    assert [each for each in tmp_path.iterdir() if each not in (file, out)] == []
+    assert file.read_bytes() == before
+
+
+def test_another_file_beside_the_results_is_baked(shrub: Path, tmp_path: Path) -> None:
+    file = tmp_path / "old tree.glb"
+    file.write_bytes(shrub.read_bytes())
+    (tmp_path / "out").mkdir()
+    assert run("--input", file, "--out", tmp_path / "out", *QUICK, "--levels", 1).returncode == 0
+
+
+def test_a_name_that_is_no_utf_8_is_baked(shrub: Path, tmp_path: Path) -> None:
+    file = tmp_path / "b\udce4um.glb"
+    file.write_bytes(shrub.read_bytes())
+    done = run("--input", file, "--out", tmp_path / "bl\udce4tter", *QUICK, "--levels", 1)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "bl\udce4tter" / "b_um.glb").is_file()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not limit the address space")
+def test_too_little_memory_for_blender_is_told(shrub: Path, tmp_path: Path) -> None:
+    command = ["bash", "-c", 'ulimit -v 300000; exec "$@"', "bash", sys.executable, BAKE, "--input", shrub]
+    done = subprocess.run(
+        [str(each) for each in (*command, "--out", tmp_path / "out")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("bake.py: the module bpy cannot be loaded: ")
+    assert done.stderr.count("\n") == 1

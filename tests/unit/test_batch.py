@@ -64,6 +64,8 @@ def test_unchanged_trees_are_skipped(studio: Studio) -> None:
     assert baked_again() == ["ash"]
     (studio.out / "fir" / "tree.glb").unlink()
     assert baked_again() == ["fir"]
+    (studio.out / "fir" / "tree.glb").write_text("cut")
+    assert baked_again() == ["fir"]
     more = ("--", "--levels", "1")
     assert baked_again() == ["ash", "fir"]
     studio.program.write_text(PROGRAM + "# changed\n")
@@ -221,3 +223,31 @@ def test_wrong_flags_stop_the_batch_and_lose_nothing(studio: Studio, capsys: pyt
     assert (studio.out / "index.html").read_text() == page
     assert studio.run("--", "--levels", 1) == 0
     assert {row["skipped"] for row in studio.rows.values()} == {True}
+
+
+@pytest.mark.parametrize(
+    "streams", ["2>&-", ">&-", "<&- >&- 2>&-", ">/dev/full", "2>/dev/full", "> >(true)", "2> >(true)"]
+)
+def test_a_batch_bakes_all_trees_though_nobody_reads_its_messages(streams: str, studio: Studio) -> None:
+    for name in ("ash", "elm", "fir"):
+        studio.add(name)
+    command = ["bash", "-c", f'exec "$@" {streams}', "bash", sys.executable, "-m", "leafcloud.batch.command"]
+    done = subprocess.run([*command, *studio.arguments()], capture_output=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    assert sorted(studio.rows) == ["ash", "elm", "fir"]
+    assert b"Traceback" not in done.stderr
+
+
+def test_the_folder_of_another_bake_stays(studio: Studio) -> None:
+    """A bake locks its folder as long as it lives."""
+    fcntl = pytest.importorskip("fcntl")
+    studio.add("ash", "litter")
+    other = studio.out / "ash" / ".leafcloud-other"
+    other.mkdir(parents=True)
+    descriptor = os.open(other, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        studio.run()
+    finally:
+        os.close(descriptor)
+    assert [each.name for each in (studio.out / "ash").glob(".leafcloud-*")] == [".leafcloud-other"]

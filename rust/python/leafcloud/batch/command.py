@@ -9,11 +9,12 @@ import shlex
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from threading import Event
 from types import FrameType
+from typing import TextIO
 
 from tqdm import tqdm
 
@@ -34,6 +35,7 @@ index.html with all of them in pictures, and {RECORD}."""
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit status."""
+    _open_closed_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
     end = given.index("--") if "--" in given else len(given)
     options = _parser().parse_args(given[:end])
@@ -42,39 +44,60 @@ def main(arguments: Sequence[str] | None = None) -> int:
         batch = _batch(options, given[end + 1 :])
         batch.out.mkdir(parents=True, exist_ok=True)
     except LeafcloudError as error:
-        print(f"leafcloud-batch: {error}", file=sys.stderr)
+        _print(f"leafcloud-batch: {error}", sys.stderr)
         return 2
     except OSError as error:
-        print(f"leafcloud-batch: {error.filename}: {error.strerror}; choose another --out", file=sys.stderr)
+        _print(f"leafcloud-batch: {error.filename}: {error.strerror}; choose another --out", sys.stderr)
         return 1
     stop = Event()
     with _stopping(stop) as signals, tqdm(total=len(trees), unit="tree", disable=None) as bar:
 
         def tell(row: Row) -> None:
-            bar.write(_line(row), file=sys.stderr)
-            bar.update()
+            with suppress(OSError), bar.external_write_mode(file=sys.stderr):
+                _print(_line(row), sys.stderr)
+                bar.update()
 
         try:
             rows = _rows(options.scheduler, trees, batch, stop, tell)
         except LeafcloudError as error:
-            print(f"leafcloud-batch: {error}", file=sys.stderr)
+            _print(f"leafcloud-batch: {error}", sys.stderr)
             return 1
     wrong = next((row for row in rows if row.outcome.wrong_flags), None)
     if wrong is not None:
-        print(f"leafcloud-batch: the flags behind -- are wrong: {wrong.outcome.reason}", file=sys.stderr)
+        _print(f"leafcloud-batch: the flags behind -- are wrong: {wrong.outcome.reason}", sys.stderr)
         return 2
     try:
         _write(rows, batch.out)
     except OSError as error:
-        print(f"leafcloud-batch: {batch.out}: {error.strerror or error}; make room there", file=sys.stderr)
+        _print(f"leafcloud-batch: {batch.out}: {error.strerror or error}; make room there", sys.stderr)
         return 1
     failed = [row for row in rows if not row.outcome.done]
-    print("\n".join(_table(rows)))
+    _print("\n".join(_table(rows)), sys.stdout)
     if signals:
-        print(f"leafcloud-batch: stopped; {len(trees) - len(rows) + len(failed)} trees are left", file=sys.stderr)
+        _print(f"leafcloud-batch: stopped; {len(trees) - len(rows) + len(failed)} trees are left", sys.stderr)
         return 128 + signals[0]
-    print(f"{len(rows) - len(failed)} of {len(rows)} trees are baked: {batch.out / 'index.html'}")
+    _print(f"{len(rows) - len(failed)} of {len(rows)} trees are baked: {batch.out / 'index.html'}", sys.stdout)
     return 1 if failed else 0
+
+
+def _open_closed_streams() -> None:
+    """Open the null device in place of closed streams, so that no other file gets their numbers, 0 to 2."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(number)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def _print(text: str, file: TextIO) -> None:
+    """Print a text, unless nobody can read it: the results and the exit status do not depend on that."""
+    try:
+        print(text, file=file, flush=True)
+    except OSError:
+        # Python would print the rest of the text when it ends, and fail again.
+        with suppress(OSError, ValueError), open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), file.fileno())
 
 
 def _rows(

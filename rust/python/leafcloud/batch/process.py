@@ -17,6 +17,11 @@ from typing import IO
 
 import psutil
 
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks.
+    fcntl = None  # type: ignore[assignment]
+
 _LOOK_SECONDS = 0.2
 """Time between two looks at a process."""
 _PATIENCE = 10.0
@@ -109,8 +114,27 @@ def bake(command: Sequence[str], source: Path, out: Path, flags: Sequence[str], 
 def _remove_unfinished(out: Path) -> None:
     """Remove the folders of a killed bake, but keep one with complete files: the next bake moves them."""
     for folder in out.glob(_STAGING):
-        if not (folder / _COMMIT).exists():
+        if not (folder / _COMMIT).exists() and not _is_locked(folder):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _is_locked(folder: Path) -> bool:
+    """Return whether a living bake has locked its folder, such as one that another batch runs."""
+    if fcntl is None:
+        return False
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # A network drive without locks.
+        return False
+    finally:
+        os.close(descriptor)
+    return False
 
 
 def _broken_limit(seconds: float, memory: int, limits: Limits, stop: Event) -> str:
@@ -149,6 +173,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     for each in started:
         with suppress(psutil.Error):
             each.kill()
+    psutil.wait_procs(started, _PATIENCE)
 
 
 def _last_lines(log: IO[bytes]) -> list[str]:

@@ -112,23 +112,30 @@ def end(tree: Tree, batch: Batch, key: str, outcome: Outcome) -> Row:
     folder = batch.out / tree.name
     if not outcome.done:
         return Row(tree, outcome, False, None)
+    report = report_in(folder)
     try:
-        write_whole(folder / RECORD, json.dumps({"key": key, **asdict(outcome)}, indent=2))
+        record = {"key": key, "bytes": _sizes(folder, report), **asdict(outcome)}
+        write_whole(folder / RECORD, json.dumps(record, indent=2))
     except OSError as error:
         return Row(tree, Outcome(f"{folder}: {error.strerror or error}; make room there", 0.0, 0), False, None)
-    return Row(tree, outcome, False, report_in(folder))
+    return Row(tree, outcome, False, report)
 
 
 def _done_before(folder: Path, key: str) -> Outcome | None:
-    """Return how an earlier bake with this key ended, if all of its files are there."""
+    """Return how an earlier bake with this key ended, if all of its files are there with their sizes."""
     try:
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-        report = report_in(folder)
-        if record.pop("key") != key or report is None or not all((folder / name).is_file() for name in report["files"]):
+        sizes = _sizes(folder, report_in(folder))
+        if record.pop("key") != key or not sizes or record.pop("bytes") != sizes:
             return None
         return Outcome(**{**record, "warnings": tuple(record["warnings"])})
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return None
+
+
+def _sizes(folder: Path, report: dict[str, Any] | None) -> dict[str, int]:
+    """Return the bytes of each file that a report names. Raises `OSError` for a missing one."""
+    return {} if report is None else {name: (folder / name).stat().st_size for name in report["files"]}
 
 
 def report_in(folder: Path) -> dict[str, Any] | None:
