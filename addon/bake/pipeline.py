@@ -215,6 +215,7 @@ def chain_options(settings: BakeSettings, facts: Facts, effects: Sequence[Decisi
         "samples": settings.samples,
         "pixels": settings.switch_pixels,
         "close_gaps": settings.close_gaps,
+        "refine": settings.refine,
         "tight_pages": sees_pages(settings, facts),
         **fit_options(settings),
     }

@@ -154,8 +154,9 @@ def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
         "max_deviation_leaves": 0.0,
         "in_plane_motion": 0.0,
         "image_error": 0.0,
+        "refined": None,
         "switch_distance": 0.0,
-        "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "look": 0.0, "write": write_seconds},
+        "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "look": 0.0, "refine": 0.0, "write": write_seconds},
     }
 
 
@@ -225,6 +226,7 @@ def _level(
         "max_deviation_leaves": level.max_deviation_leaves,
         "in_plane_motion": level.in_plane_motion,
         "image_error": level.image_error,
+        "refined": level.refined,
         "switch_distance": switch_distance,
         "seconds": {**level.seconds, "write": write_seconds},
     }

@@ -19,6 +19,7 @@ from .setting import Limits, NamedSetting, Setting
 
 Method = Literal["stochastic", "density", "kmeans"]
 Effort = Literal["literal", "default", "final", "best"]
+Refine = Literal["off", "short", "long"]
 Preset = Literal["draft", "balanced", "final"]
 
 WISHES = ("seconds", "image_error", "preset")
@@ -279,6 +280,18 @@ class BakeSettings:
             "bound of its plane. Makes the crown denser"
         ),
     ] = False
+    refine: Annotated[
+        Refine,
+        Setting(
+            "Change color and alpha of the billboards' textures until pictures of them look like those of the leaves",
+            "NAME",
+            choices={
+                "off": "textures stay as they are baked",
+                "short": "some seconds for each level",
+                "long": "some tens of seconds for each level",
+            },
+        ),
+    ] = "off"
     bend_normals: Annotated[
         float,
         Setting(

@@ -101,7 +101,7 @@ class LEAFCLOUD_PT_levels(_Settings, bpy.types.Panel):
 class LEAFCLOUD_PT_textures(_Settings, bpy.types.Panel):
     bl_idname = "LEAFCLOUD_PT_textures"
     bl_label = "Textures"
-    groups = (("texture_size", "texture_height", "samples"), ("close_gaps", "bend_normals", "unlit"))
+    groups = (("texture_size", "texture_height", "samples"), ("refine", "close_gaps", "bend_normals", "unlit"))
 
 
 class LEAFCLOUD_PT_search(_Settings, bpy.types.Panel):

@@ -73,6 +73,7 @@ _SHOWN = {
     "samples": _Shown("Samples"),
     "pixels": _Shown("Switch Error", slider=32.0),
     "close_gaps": _Shown("Close Gaps"),
+    "refine": _Shown("Refine"),
     "chain": _Shown("Chain"),
     "prune_pixels": _Shown("Prune Below", slider=64.0),
     "prune_half": _Shown("Prune Half"),

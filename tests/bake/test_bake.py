@@ -27,7 +27,7 @@ CHUNK = 128
 
 LEVEL_KEYS = {
     "level", "method", "epsilon", "candidates", "billboards", "triangles", "texels", "atlas_occupancy",
-    "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
+    "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "refined", "switch_distance",
     "seconds", "trunk_triangles", "drawing", "texture_size",
 }  # fmt: skip
 
@@ -59,7 +59,7 @@ def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[s
     assert set(last) == {*LEVEL_KEYS, "trunk", "plain"}
     assert last["plain"]["method"] == "cross"
     for level in report["levels"]:
-        assert set(level["seconds"]) == {"fit", "pack", "bake", "look", "write"}
+        assert set(level["seconds"]) == {"fit", "pack", "bake", "look", "refine", "write"}
     assert report["levels"][0]["triangles"] == report["input"]["triangles"]
     clouds = report["levels"][1:3]
     assert clouds[1]["epsilon"] == pytest.approx(2.5 * clouds[0]["epsilon"])

@@ -50,7 +50,7 @@ impl Stages {
             fit: sum(|level| level.seconds.fit),
             pack: sum(|level| level.seconds.pack),
             bake: sum(|level| level.seconds.bake),
-            metrics: sum(|level| level.seconds.metrics),
+            metrics: sum(|level| level.seconds.metrics + level.seconds.refine),
         }
     }
 

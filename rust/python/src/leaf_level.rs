@@ -113,7 +113,7 @@ impl PyLeafLevel {
     fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         dict.set_item("fit", self.level.seconds)?;
-        for stage in ["pack", "bake", "look"] {
+        for stage in ["pack", "bake", "look", "refine"] {
             dict.set_item(stage, 0.0)?;
         }
         Ok(dict)

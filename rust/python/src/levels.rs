@@ -399,6 +399,11 @@ impl PyLevel {
     }
 
     #[getter]
+    fn refined(&self) -> Option<Vec<(usize, f64)>> {
+        self.level().refined.as_ref().map(|refined| refined.errors.clone())
+    }
+
+    #[getter]
     fn mean_deviation(&self) -> f64 {
         self.level().mean_deviation / self.radius
     }
@@ -435,6 +440,7 @@ impl PyLevel {
         dict.set_item("pack", seconds.pack)?;
         dict.set_item("bake", seconds.bake)?;
         dict.set_item("look", seconds.metrics)?;
+        dict.set_item("refine", seconds.refine)?;
         Ok(dict)
     }
 

@@ -139,7 +139,7 @@ impl PyOctahedralLevel {
     #[getter]
     fn seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
-        for stage in ["fit", "pack", "look"] {
+        for stage in ["fit", "pack", "look", "refine"] {
             dict.set_item(stage, 0.0)?;
         }
         dict.set_item("bake", self.impostor.seconds)?;

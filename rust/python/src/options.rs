@@ -176,6 +176,7 @@ impl<'py> Options<'py> {
             blended: self.flag("blended", default.blended)?,
             tight_pages: self.flag("tight_pages", default.tight_pages)?,
             pixels: self.number("pixels", default.pixels)?,
+            refine: self.named(default.refine)?,
             views: if self.flag("order_by_visibility", true)? {
                 default.views
             } else {

@@ -104,6 +104,7 @@ pub(super) fn build(
             pack: (packed - started).as_secs_f64(),
             bake: (baked - packed).as_secs_f64(),
             metrics: baked.elapsed().as_secs_f64(),
+            refine: 0.0,
         },
         channel_seconds,
         engine: Arc::default(),

@@ -38,13 +38,15 @@ pub struct Seconds {
     pub bake: f64,
     /// Stretch limit, alpha cutoff, tone, polygons, report.
     pub metrics: f64,
+    /// Refinement of the textures.
+    pub refine: f64,
 }
 
 impl Seconds {
     /// Returns the sum of all stages.
     #[must_use]
     pub fn total(&self) -> f64 {
-        self.fit + self.pack + self.bake + self.metrics
+        self.fit + self.pack + self.bake + self.metrics + self.refine
     }
 }
 
@@ -238,6 +240,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let tight = |page: &Page, cutoff: f32| {
         tightened(atlas.clone(), page, cutoff, deviation / finer.frame().radius, step.triangles, settings)
     };
+    let tuned = Instant::now();
     let (page, alpha_cutoff, refined) = if settings.refine == Refinement::Off || settings.blended {
         (page, alpha_cutoff, None)
     } else {
@@ -251,6 +254,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         };
         subject.refined(page, alpha_cutoff, settings.refine, progress.part(0.96, 0.98))?
     };
+    let refine = tuned.elapsed().as_secs_f64();
     tuning(0.98)?;
     let atlas = tight(&page, alpha_cutoff);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
@@ -280,7 +284,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
             fit,
             pack: (packed - started).as_secs_f64() - fit - stretch,
             bake: (baked - packed).as_secs_f64(),
-            metrics: stretch + baked.elapsed().as_secs_f64(),
+            metrics: stretch + baked.elapsed().as_secs_f64() - refine,
+            refine,
         },
         channel_seconds,
         engine: Arc::default(),

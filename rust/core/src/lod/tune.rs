@@ -196,21 +196,7 @@ pub fn page(
     double_sided: bool,
     leaves: &Reference,
 ) -> Result<Page> {
-    toned(atlas, page.settled(cutoff), frame, cutoff, double_sided, leaves)
-}
-
-/// Returns the page with the mean color of the leaves.
-///
-/// # Errors
-/// No billboard has an area.
-pub fn toned(
-    atlas: &Atlas,
-    page: Page,
-    frame: &Frame,
-    cutoff: f32,
-    double_sided: bool,
-    leaves: &Reference,
-) -> Result<Page> {
+    let page = page.settled(cutoff);
     let tone = leaves.tone(&billboards(atlas, frame, page.material(cutoff, double_sided))?)?;
     Ok(page.toned(tone.clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1))))
 }

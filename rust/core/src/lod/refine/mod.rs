@@ -158,8 +158,8 @@ impl Subject<'_> {
                 other.base_color = texels.image();
                 cutoff_now =
                     tune::matched(cutoff_now, self.atlas, &other, self.frame, self.double_sided, self.amounts)?;
-                let other =
-                    tune::toned(self.atlas, other, self.frame, cutoff_now, self.double_sided, self.amounts)?;
+                texels.scale(self.amounts.tone(&self.shown(&other, cutoff_now)?)?);
+                other.base_color = texels.image();
                 let gain = judge::Gain::over(&first, &judge.errors(&self.shown(&other, cutoff_now)?)?);
                 if gain.is_better_than(&best.2) {
                     best = (other, cutoff_now, gain);

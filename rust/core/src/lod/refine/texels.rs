@@ -58,6 +58,12 @@ impl Texels {
         Self { width: image.width(), height: image.height(), texels, start }
     }
 
+    /// Multiplies all colors. Rounded to codes, colors keep their mean only if they vary in fractions of a code, as these do.
+    pub fn scale(&mut self, factors: Vec3) {
+        self.texels.par_iter_mut().for_each(|texel| *texel *= factors.extend(1.0));
+        self.start.par_iter_mut().for_each(|start| *start *= factors);
+    }
+
     /// Returns the page's image.
     ///
     /// # Panics
