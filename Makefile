@@ -75,6 +75,11 @@ bench-fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives wi
 	@mkdir -p docs/bench
 	.venv/bin/python bench/fidelity.py $(ARGS)
 
+.PHONY: bench-refine
+bench-refine: setup .venv/.fidelity ## compare level 1 with its leaves before and after refinement (twenty minutes)
+	@mkdir -p docs/bench
+	.venv/bin/python bench/refine.py $(ARGS)
+
 .PHONY: bench-defaults
 bench-defaults: setup .venv/.fidelity ## bake plants of every kind without settings, and measure the levels (ten minutes)
 	@mkdir -p docs/bench

@@ -63,9 +63,7 @@ impl Drawn {
         let mut credits = Credits { colors: of_colors(texels, &grid, &here, &colors), alpha: Vec::new() };
         for (index, point) in here.iter().enumerate() {
             let rest = all[grid.pixel(index)];
-            let change = |other: &Vec4| {
-                gain(over_gray(shown[index]), over_gray(texels.shown(other)), rest, &grid)
-            };
+            let change = |other: &Vec4| gain(over_gray(shown[index]), over_gray(texels.shown(other)), rest, &grid);
             let mut credit = |point: &Vec4, value: f32| {
                 credits.alpha.push(Credit { texel: texels.nearest(point) as u32, weight: 1.0, value });
             };

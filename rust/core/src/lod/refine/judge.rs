@@ -17,9 +17,6 @@ pub const VIEWS: usize = 8;
 /// Side of the smallest judging pictures, in pixels.
 const SMALLEST: usize = 32;
 
-/// A size may become worse by this much: the noise of so few views.
-const NOISE: f64 = 0.0;
-
 /// Pictures of the leaves in the judging views, each with its halves.
 pub struct Judge {
     views: Vec<View>,
@@ -61,7 +58,7 @@ fn pictures(foliage: &Foliage, views: &[View]) -> Result<Vec<Vec<Image>>> {
 /// Returns the mean absolute difference over the pixels that show anything in either picture.
 fn error(leaves: &Image, level: &Image) -> f64 {
     let (mut sum, mut count) = (0.0, 0u32);
-    for (wanted, found) in leaves.pixels().iter().zip(level.pixels()) {
+    for (&wanted, &found) in leaves.pixels().iter().zip(level.pixels()) {
         if wanted[3] > 0 || found[3] > 0 {
             let difference = over_gray(light(wanted)) - over_gray(light(found));
             sum += f64::from(difference.abs().element_sum());
@@ -78,13 +75,15 @@ impl Gain {
     }
 
     pub fn over(first: &Errors, now: &Errors) -> Self {
-        let ratio = |(&(size, before), &(_, after)): (&(usize, f64), &(usize, f64))| (size, after / before.max(f64::MIN_POSITIVE));
+        let ratio = |(&(size, before), &(_, after)): (&(usize, f64), &(usize, f64))| {
+            (size, after / before.max(f64::MIN_POSITIVE))
+        };
         Self { errors: first.iter().zip(now).map(ratio).collect() }
     }
 
     /// Returns whether no size is worse than before the refinement, and all together are better than in another try.
     pub fn is_better_than(&self, other: &Self) -> bool {
-        self.errors.iter().all(|(_, ratio)| *ratio <= 1.0 + NOISE) && self.mean() < other.mean()
+        self.errors.iter().all(|(_, ratio)| *ratio <= 1.0) && self.mean() < other.mean()
     }
 
     fn mean(&self) -> f64 {

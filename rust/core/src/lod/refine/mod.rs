@@ -146,7 +146,7 @@ impl Subject<'_> {
         let judge = Judge::new(self.leaves, self.views(judge::VIEWS, size, JUDGING_TURN)?)?;
         let first = judge.errors(&self.shown(&page, cutoff)?)?;
         let mut best = (page.clone(), cutoff, judge::Gain::none(&first));
-        let mut texels = Texels::of(&page.base_color);
+        let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         let mut cutoff_now = cutoff;
         for step in 0..rounds * steps {
             progress.tell("refine", step as f64 / (rounds * steps) as f64)?;
@@ -200,3 +200,6 @@ impl Subject<'_> {
         Ok(Credits::joined(each))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -18,7 +18,7 @@ pub fn over_gray(light: Vec4) -> Vec4 {
 }
 
 /// Returns the linear light of a pixel, with alpha.
-pub fn light(&[r, g, b, alpha]: &[u8; 4]) -> Vec4 {
+pub fn light([r, g, b, alpha]: [u8; 4]) -> Vec4 {
     let light = Vec3::from_array([r, g, b].map(|code| decode_table()[code as usize]));
     light.extend(f32::from(alpha) / 255.0)
 }
@@ -36,7 +36,7 @@ impl Target {
     }
 
     fn of(image: &Image) -> Self {
-        Self { pixels: image.pixels().iter().map(light).collect() }
+        Self { pixels: image.pixels().iter().copied().map(light).collect() }
     }
 }
 

@@ -15,7 +15,7 @@ pub struct Texels {
     width: usize,
     height: usize,
     /// Straight colors, and alpha.
-    texels: Vec<Vec4>,
+    values: Vec<Vec4>,
     /// The colors at the start.
     start: Vec<Vec3>,
 }
@@ -33,12 +33,8 @@ impl Rates {
     /// Returns rates that fall with the steps, so that the steps come to rest although each has other views.
     pub fn of_step(step: usize) -> Self {
         let slower = 1.0 / (1.0 + 0.25 * step as f32);
-        Self { color: env("COLOR", 0.8) * slower, alpha: env("ALPHA", 0.1) * slower }
+        Self { color: 0.8 * slower, alpha: 0.1 * slower }
     }
-}
-
-fn env(name: &str, default: f32) -> f32 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }
 
 /// Texels around a texel whose credits count for it, along one direction. Single texels are seen in few views.
@@ -51,16 +47,48 @@ const PRIOR: f32 = 2.0;
 const FARTHEST: f32 = 2.5;
 const FAINT: f32 = 0.01;
 
+/// Share of the difference between alpha and the cutoff that stays at an edge.
+const AT_EDGES: f32 = 0.1;
+
 impl Texels {
-    pub fn of(image: &Image) -> Self {
-        let texels: Vec<Vec4> = image.pixels().iter().map(light).collect();
-        let start = texels.iter().map(|texel| texel.truncate()).collect();
-        Self { width: image.width(), height: image.height(), texels, start }
+    /// Returns the texels of a page, with the edges of its leaves widened: the less alpha differs from the cutoff, the nearer an edge is.
+    /// Outlines stay, because they are where there is no difference. So edges can move by several texels, as with textures of distances
+    /// (Green, "Improved Alpha-Tested Magnification for Vector Textures and Special Effects", 2007).
+    pub fn of(image: &Image, atlas: &Atlas, cutoff: f32) -> Self {
+        let values: Vec<Vec4> = image.pixels().iter().copied().map(light).collect();
+        let start = values.iter().map(|texel| texel.truncate()).collect();
+        let mut page = Self { width: image.width(), height: image.height(), values, start };
+        let fields = atlas.regions().map(|region| Field { region, width: page.width }).collect::<Vec<_>>();
+        let widened: Vec<Vec<f32>> = fields.par_iter().map(|field| page.widened(field, cutoff)).collect();
+        for (field, alpha) in fields.iter().zip(widened) {
+            for (place, alpha) in alpha.into_iter().enumerate() {
+                page.values[field.texel(place)].w = alpha;
+            }
+        }
+        page
+    }
+
+    /// Returns the alpha of a billboard with widened edges.
+    fn widened(&self, field: &Field, cutoff: f32) -> Vec<f32> {
+        let Region { width, height, .. } = field.region;
+        let own: Vec<f32> = (0..width * height).map(|place| self.values[field.texel(place)].w).collect();
+        // The share of drawn texels around a texel, with the number of all.
+        let mut drawn: Vec<Vec4> =
+            own.iter().map(|alpha| Vec4::new(f32::from(u8::from(*alpha >= cutoff)), 0.0, 0.0, 1.0)).collect();
+        for _ in 0..2 {
+            drawn = around(&around(&drawn, width, 1), height, width);
+        }
+        let widened = |(alpha, drawn): (&f32, Vec4)| {
+            let far = (2.0 * drawn.x / drawn.w - 1.0).abs();
+            // Where nothing is near, alpha stays 0.
+            if drawn.x == 0.0 { 0.0 } else { cutoff + (alpha - cutoff) * (AT_EDGES + (1.0 - AT_EDGES) * far) }
+        };
+        own.iter().zip(drawn).map(widened).collect()
     }
 
     /// Multiplies all colors. Rounded to codes, colors keep their mean only if they vary in fractions of a code, as these do.
     pub fn scale(&mut self, factors: Vec3) {
-        self.texels.par_iter_mut().for_each(|texel| *texel *= factors.extend(1.0));
+        self.values.par_iter_mut().for_each(|texel| *texel *= factors.extend(1.0));
         self.start.par_iter_mut().for_each(|start| *start *= factors);
     }
 
@@ -70,7 +98,7 @@ impl Texels {
     /// Never: the size stays.
     pub fn image(&self) -> Image {
         let pixel = |texel: &Vec4| [encode(texel.x), encode(texel.y), encode(texel.z), quantise(texel.w)];
-        let pixels: Vec<[u8; 4]> = self.texels.par_iter().map(pixel).collect();
+        let pixels: Vec<[u8; 4]> = self.values.par_iter().map(pixel).collect();
         Image::new(self.width, self.height, pixels).expect("as many texels as before")
     }
 
@@ -90,7 +118,7 @@ impl Texels {
         let (x, y) = (place(point.x, self.width), place(1.0 - point.y, self.height));
         let (left, top) = (x as usize, y as usize);
         let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
-        let texel = |column: usize, row: usize| self.texels[row * self.width + column];
+        let texel = |column: usize, row: usize| self.values[row * self.width + column];
         let across = |row: usize| texel(left, row).lerp(texel(right, row), x - left as f32);
         across(top).lerp(across(bottom), y - top as f32).truncate().extend(1.0)
     }
@@ -104,7 +132,11 @@ impl Texels {
         let moved = |(number, region): (usize, Region)| {
             let field = Field { region, width: self.width };
             let colors = field.sums(colors.get(number).iter().map(|&i| credits.colors[i as usize]));
-            let of_alpha = |credit: &Credit<f32>| Credit { texel: credit.texel, weight: credit.weight, value: Vec3::splat(credit.value) };
+            let of_alpha = |credit: &Credit<f32>| Credit {
+                texel: credit.texel,
+                weight: credit.weight,
+                value: Vec3::splat(credit.value),
+            };
             let alpha = field.sums(alpha.get(number).iter().map(|&i| of_alpha(&credits.alpha[i as usize])));
             let texel = |(place, (color, alpha)): (usize, (Vec4, Vec4))| {
                 let index = field.texel(place);
@@ -116,14 +148,14 @@ impl Texels {
         let all: Vec<_> = regions.into_par_iter().map(moved).collect();
         for (field, moved) in all {
             for (place, texel) in moved.into_iter().enumerate() {
-                self.texels[field.texel(place)] = texel;
+                self.values[field.texel(place)] = texel;
             }
         }
     }
 
     /// Returns a texel after a step; `color` and `alpha` are sums of credits with their weights.
     fn moved(&self, index: usize, color: Vec4, alpha: Vec4, usual: f32, rates: Rates) -> Vec4 {
-        let (texel, start) = (self.texels[index], self.start[index]);
+        let (texel, start) = (self.values[index], self.start[index]);
         let step = color.truncate() / (color.w + PRIOR) * rates.color;
         let brightest = (start * FARTHEST + FAINT).min(Vec3::ONE);
         let rgb = (texel.truncate() + step).clamp(start / FARTHEST, brightest);
@@ -136,7 +168,7 @@ impl Texels {
 
     /// Returns the billboard of each texel.
     fn owners(&self, atlas: &Atlas) -> Vec<u32> {
-        let mut owners = vec![u32::MAX; self.texels.len()];
+        let mut owners = vec![u32::MAX; self.values.len()];
         for (number, region) in atlas.regions().enumerate() {
             for row in region.y..region.y + region.height {
                 owners[row * self.width + region.x..][..region.width].fill(number as u32);
