@@ -68,6 +68,15 @@ call = lambda: leafcloud.build_chain(foliage, levels=1, cross=False, texture_siz
 positions, triangles = squares(1_500_000)
 call = lambda: leafcloud.Foliage(positions, triangles)
 """,
+    "Foliage of many arrays": """
+triangles = np.arange(12_000_000).reshape(-1, 3)
+positions = np.random.default_rng(1).random((triangles.size, 3))
+arrays = {
+    name: np.broadcast_to(0.5, (len(triangles), 3, columns))
+    for name, columns in {"uvs": 2, "normals": 3, "colors": 4, "back_colors": 3}.items()
+}
+call = lambda: leafcloud.Foliage(positions, triangles, **arrays)
+""",
 }
 
 FORKED = """
