@@ -28,6 +28,7 @@ os.environ["BLENDER_USER_RESOURCES"] = _RESOURCES.name
 
 import numpy as np  # noqa: E402
 from commits import measured_commit  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
 
 import bake  # noqa: E402
 import leafcloud  # noqa: E402
@@ -61,7 +62,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--share", type=float, default=1.0, help="fraction of the repetitions")
     share = parser.parse_args().share
-    rows = [("work", "repetitions", "warm-up", "25 %", "50 %", "75 %", "end", "growth"), ("---",) * 8]
+    headings = ("work", "repetitions", "warm-up", "25 %", "50 %", "75 %", "end", "growth")
+    rows: list[tuple[str, ...]] = [headings, ("---",) * len(headings)]
     grown = []
     with tempfile.TemporaryDirectory() as folder:
         for name, work in works(Path(folder)).items():
@@ -106,10 +108,10 @@ def bake_into(folder: Path) -> None:
 
 
 def render(foliage: leafcloud.Foliage) -> None:
-    leafcloud.render([foliage], (1, 0, 0.3), 256, centre=foliage.world_centre, radius=foliage.radius)
+    leafcloud.render([foliage], (1, 0, 0.3), 256, centre=foliage.world_centre.tolist(), radius=foliage.radius)
 
 
-def squares(count: int) -> tuple[np.ndarray, np.ndarray]:
+def squares(count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return positions and triangles of squares at random places and of random directions."""
     random = np.random.default_rng(1)
     corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * 0.1
