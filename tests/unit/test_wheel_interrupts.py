@@ -157,6 +157,14 @@ except KeyboardInterrupt:
     os._exit(130)
 """
 
+INSPECTED = """
+from leafcloud.command import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+statuses = (main(["inspect", {path!r}, "--against", {path!r}]) for _ in range(1000))
+print(next(status for status in statuses if status != 0))
+"""
+
 RENDER_STOPS = """
 signal.signal(signal.SIGINT, signal.default_int_handler)
 foliage = leafcloud.Foliage(*squares(20_000))
@@ -215,6 +223,10 @@ def test_an_interrupt_of_the_first_calls_is_a_keyboard_interrupt(delay: float, s
     script = FIRST_CALL.format(delay=delay, path=str(shrub))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stderr) == (130, "")
+
+
+def test_an_interrupted_inspection_returns_a_status(shrub: Path) -> None:
+    assert output_of(INSPECTED.format(path=str(shrub))).splitlines()[-1] == "130"
 
 
 def test_an_interrupted_render_frees_the_threads() -> None:
