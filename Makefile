@@ -165,7 +165,7 @@ faults: setup ## break bakes in many ways and look at what they leave: docs/reli
 	.venv/bin/python bench/faults.py $(ARGS)
 
 .PHONY: soak
-soak: setup ## repeat bakes and calls of the wheel in one process and measure its memory: docs/bench/soak.md (20 minutes)
+soak: setup ## repeat bakes and calls of the wheel in one process and measure its memory: docs/bench/soak.md (an hour)
 	@mkdir -p docs/bench
 	.venv/bin/python bench/soak.py $(ARGS)
 

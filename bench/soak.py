@@ -37,14 +37,14 @@ from addon.ending import leave  # noqa: E402
 TREE = ROOT / "examples" / "shrub.glb"
 QUICK = ("--texture-size", "64", "--levels", "1", "--epsilon", "0.2", "--every-level")
 MOST_GROWTH = 50e6
-"""Bytes that any work may add to the resident memory after its warm-up."""
+"""Bytes that the resident memory may grow during any work after its warm-up."""
 QUARTERS = 4
 
 INTRODUCTION = """# Resident memory over many repetitions
 
 Made by `make soak` at {commit}, in one Python process with Blender as a module. MB of resident memory of the process,
-after the warm-up and after each quarter of the repetitions. *Growth*: from the warm-up to the end, at most
-{most:.0f} MB.
+after the warm-up and after each quarter of the repetitions. *Growth*: from the least of these to the end, at most
+{most:.0f} MB. The memory may also shrink, because the system takes back pages of libraries that are not used.
 
 """
 
@@ -69,7 +69,7 @@ def main() -> None:
         for name, work in works(Path(folder)).items():
             times = max(round(share * work.times), QUARTERS)
             memory = list(resident_bytes_of(work, times))
-            grown.append(memory[-1] - memory[0])
+            grown.append(memory[-1] - min(memory))
             rows.append((name, str(times), *(f"{each / 1e6:.1f}" for each in (*memory, grown[-1]))))
             print(" | ".join(rows[-1]), file=sys.stderr, flush=True)
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
