@@ -169,6 +169,11 @@ bench-batch: setup .venv/.test ## time batches of bakes with one and two process
 faults: setup ## break bakes in many ways and look at what they leave: docs/reliability.md (an hour; needs root)
 	.venv/bin/python bench/faults.py $(ARGS)
 
+.PHONY: soak
+soak: setup ## repeat bakes and calls of the wheel in one process and measure its memory: docs/bench/soak.md (an hour)
+	@mkdir -p docs/bench
+	.venv/bin/python bench/soak.py $(ARGS)
+
 .PHONY: hostile
 hostile: setup ## bake hostile files and count how the bakes end: docs/hostile.md (an hour; ARGS='--sample 400' for less)
 	.venv/bin/python bench/hostile.py $(ARGS)

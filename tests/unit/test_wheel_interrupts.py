@@ -68,6 +68,15 @@ call = lambda: leafcloud.build_chain(foliage, levels=1, cross=False, texture_siz
 positions, triangles = squares(1_500_000)
 call = lambda: leafcloud.Foliage(positions, triangles)
 """,
+    "Foliage of many arrays": """
+triangles = np.arange(12_000_000).reshape(-1, 3)
+positions = np.random.default_rng(1).random((triangles.size, 3))
+arrays = {
+    name: np.broadcast_to(0.5, (len(triangles), 3, columns))
+    for name, columns in {"uvs": 2, "normals": 3, "colors": 4, "back_colors": 3}.items()
+}
+call = lambda: leafcloud.Foliage(positions, triangles, **arrays)
+""",
 }
 
 FORKED = """
@@ -148,6 +157,14 @@ except KeyboardInterrupt:
     os._exit(130)
 """
 
+INSPECTED = """
+from leafcloud.command import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+statuses = (main(["inspect", {path!r}, "--against", {path!r}]) for _ in range(1000))
+print(next(status for status in statuses if status != 0))
+"""
+
 RENDER_STOPS = """
 signal.signal(signal.SIGINT, signal.default_int_handler)
 foliage = leafcloud.Foliage(*squares(20_000))
@@ -206,6 +223,10 @@ def test_an_interrupt_of_the_first_calls_is_a_keyboard_interrupt(delay: float, s
     script = FIRST_CALL.format(delay=delay, path=str(shrub))
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=100)
     assert (done.returncode, done.stderr) == (130, "")
+
+
+def test_an_interrupted_inspection_returns_a_status(shrub: Path) -> None:
+    assert output_of(INSPECTED.format(path=str(shrub))).splitlines()[-1] == "130"
 
 
 def test_an_interrupted_render_frees_the_threads() -> None:

@@ -17,7 +17,8 @@ machine, unless a function documents an exception. An invalid value raises :clas
 the value, its limit and the remedy. Some arguments of a wrong type raise ``TypeError`` instead.
 
 Ctrl-C raises ``KeyboardInterrupt`` within a second in every call. Work that cannot stop ends in the background. Calls
-also work in a child process after ``fork``: the child starts its own threads.
+also work in a child process after ``fork``: the child starts its own threads. Calls at the same time have separate
+threads, so a short one does not wait for a long one. Memory of results returns to the system when they are gone.
 """
 
 from collections.abc import Callable, Mapping, Sequence

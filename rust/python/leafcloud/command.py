@@ -18,7 +18,7 @@ from .inspection import Inspection, Score, compare, inspect
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status: 0, or 1 if a file cannot be read or breaks a promise."""
+    """Run the command. Return its exit status: 0, 1 if a file cannot be read or breaks a promise, 130 after Ctrl-C."""
     parser = argparse.ArgumentParser(prog="leafcloud", description="Tools for trees with levels of detail.")
     parser.add_argument("--version", action="version", version=f"leafcloud {__version__}")
     commands = parser.add_subparsers(dest="command", required=True)
@@ -42,6 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except LeafcloudError as error:
         print(f"leafcloud: {error}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print("leafcloud: interrupted", file=sys.stderr)
+        return 130
     if options.json:
         _print(json.dumps({**asdict(found), "scores": [asdict(score) for score in scores]}, indent=2))
     else:

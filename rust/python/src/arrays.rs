@@ -21,7 +21,8 @@ pub fn points(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<DVec3>> {
         .map_err(|_| refuse(format!("{name} must be an array of floats of shape (rows, 3)")))?;
     let view = array.as_array();
     expect_columns(&view, 3, name)?;
-    Ok(view.outer_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect())
+    let points = view.outer_iter().map(|row| DVec3::new(row[0], row[1], row[2])).collect();
+    answer_signals(value, points)
 }
 
 /// Reads the (4, 4) matrix from the tree's coordinates to the world.
@@ -51,7 +52,7 @@ pub fn triangles(value: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
         })
     };
     let flat = view.iter().map(index).collect::<PyResult<Vec<u32>>>()?;
-    Ok(flat.as_chunks::<3>().0.to_vec())
+    answer_signals(value, flat.as_chunks::<3>().0.to_vec())
 }
 
 /// Reads a (rows,) array of integers.
@@ -61,7 +62,7 @@ pub fn identifiers(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<i64>> {
     if view.ndim() != 1 {
         return Err(refuse(format!("{name} has the shape {:?}; it must be (rows,)", view.shape())));
     }
-    Ok(view.iter().copied().collect())
+    answer_signals(value, view.iter().copied().collect())
 }
 
 /// Reads a (rows,) array of bool.
@@ -93,7 +94,7 @@ pub fn corner_values<const N: usize>(
         .map_err(|_| refuse(format!("{name} must be an array of floats")))?;
     let view = array.as_array();
     let shape = view.shape().to_vec();
-    let flat: Vec<f32> = view.iter().copied().collect();
+    let flat: Vec<f32> = answer_signals(value, view.iter().copied().collect())?;
     let rows = flat.as_chunks::<N>().0;
     match shape[..] {
         [count, 3, n] if n == N && count == triangles.len() => Ok(rows.as_chunks::<3>().0.to_vec()),
@@ -122,7 +123,7 @@ pub fn image(value: &Bound<'_, PyAny>) -> PyResult<Image> {
     if channels != 4 {
         return Err(refuse(format!("an image has {channels} channels; it must have 4 (RGBA)")));
     }
-    let flat: Vec<u8> = view.iter().copied().collect();
+    let flat: Vec<u8> = answer_signals(value, view.iter().copied().collect())?;
     Image::new(width, height, flat.as_chunks::<4>().0.to_vec()).map_err(|e| refuse(e.to_string()))
 }
 
@@ -173,6 +174,12 @@ pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
         [x, y, z] => Ok(DVec3::new(x, y, z)),
         _ => Err(refuse(format!("{name} has {} values; it must have three", values.len()))),
     }
+}
+
+/// Returns what was read of a value that may be large, unless Ctrl-C was pressed meanwhile.
+fn answer_signals<T>(value: &Bound<'_, PyAny>, read: T) -> PyResult<T> {
+    value.py().check_signals()?;
+    Ok(read)
 }
 
 fn expect_columns(view: &ArrayView2<'_, f64>, columns: usize, name: &str) -> PyResult<()> {

@@ -4,6 +4,7 @@
 // PyO3 passes arguments by value.
 #![allow(clippy::needless_pass_by_value)]
 
+mod allocator;
 mod arrays;
 mod blend;
 mod cloud;
@@ -29,6 +30,7 @@ use pyo3::prelude::*;
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    allocator::return_freed_memory();
     work::own_threads();
     drop(numpy::PyArray1::<f64>::zeros(module.py(), 0, false)); // Loads numpy's C functions, for the same reason.
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;

@@ -87,10 +87,31 @@ pub fn own_threads() {
 /// The process that imported the module.
 static OWNER: OnceLock<u32> = OnceLock::new();
 
-/// Runs `work` with rayon's threads. A fork copies none of them to the child, where every call would wait forever. So each call in a
-/// child process starts its own threads.
+/// Whether a call has the threads that rayon shares among all callers.
+static SHARED_THREADS_TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// The shared threads, for one call at a time.
+struct SharedThreads;
+
+impl SharedThreads {
+    /// Takes the shared threads unless another call has them. A fork copies none of them, so every call in a forked child would wait for
+    /// them forever: it never gets them.
+    fn take() -> Option<Self> {
+        let exist = OWNER.get() == Some(&std::process::id());
+        (exist && !SHARED_THREADS_TAKEN.swap(true, Ordering::Acquire)).then(|| Self) // Not `then_some`: it would drop a `Self`.
+    }
+}
+
+impl Drop for SharedThreads {
+    fn drop(&mut self) {
+        SHARED_THREADS_TAKEN.store(false, Ordering::Release);
+    }
+}
+
+/// Runs `work` with the shared threads, or with threads of its own while another call has the shared ones. Rayon's threads look at the work
+/// of a new caller only when they have finished that of the caller before; the system divides time among all threads.
 fn with_threads<T: Send>(work: impl FnOnce() -> leafcloud::Result<T> + Send) -> leafcloud::Result<T> {
-    if OWNER.get() == Some(&std::process::id()) {
+    if let Some(_taken) = SharedThreads::take() {
         return work();
     }
     let pool = rayon::ThreadPoolBuilder::new().build();
