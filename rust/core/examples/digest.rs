@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 use leafcloud::fit::{Effort, FitSettings, Method};
-use leafcloud::lod::{Chain, ChainSettings, build_chain};
+use leafcloud::lod::{Chain, ChainSettings, Refinement, build_chain};
 use leafcloud::textures::{Channels, Samples};
 use leafcloud::{Progress, gltf};
 
@@ -76,5 +76,8 @@ fn main() {
         let settings = ChainSettings { fit, texture_size: 128.into(), samples, channels, ..ChainSettings::default() };
         digest.add_chain(&build_chain(&foliage, None, &settings, Progress::silent()).expect("the shrub has a chain"));
     }
+    let (refine, samples) = (Refinement::Short, Samples::new(2).expect("within the range"));
+    let settings = ChainSettings { texture_size: 128.into(), samples, levels: 1, refine, ..ChainSettings::default() };
+    digest.add_chain(&build_chain(&foliage, None, &settings, Progress::silent()).expect("the shrub has a chain"));
     println!("{:016x}", digest.0);
 }

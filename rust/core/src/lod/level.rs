@@ -254,7 +254,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         };
         subject.refined(page, alpha_cutoff, settings.refine, progress.part(0.96, 0.98))?
     };
-    let refine = tuned.elapsed().as_secs_f64();
+    let refine = if refined.is_some() { tuned.elapsed().as_secs_f64() } else { 0.0 };
     tuning(0.98)?;
     let atlas = tight(&page, alpha_cutoff);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
