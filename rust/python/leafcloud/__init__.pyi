@@ -198,10 +198,6 @@ class Cloud:
     def max_deviation(self) -> float:
         """Maximum of ``deviations``, fraction of R."""
     @property
-    def refined(self) -> list[tuple[int, float]] | None:
-        """Effect of the refinement, judged by pictures in views that no step of it used: sides in pixels, each with the
-        mean absolute error relative to that before; 1.0 where nothing changed. ``None`` without refinement."""
-    @property
     def mean_deviation(self) -> float:
         """Area-weighted mean of ``deviations``, fraction of R."""
 
@@ -368,6 +364,10 @@ class Level:
     @property
     def in_plane_motion(self) -> float:
         """Maximum distance that a vertex moves within its plane, fraction of R."""
+    @property
+    def refined(self) -> list[tuple[int, float]] | None:
+        """Effect of the refinement, judged by pictures in views that no step of it used: sides in pixels, each with the
+        mean absolute error relative to that before; 1.0 where nothing changed. ``None`` without refinement."""
     @property
     def mean_deviation(self) -> float:
         """Area-weighted mean deviation from the level before, fraction of R. For the cross impostor: mean distance of
