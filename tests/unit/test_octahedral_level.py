@@ -110,3 +110,9 @@ def test_cost(level: leafcloud.OctahedralLevel) -> None:
     [one, twice] = [level.drawing_cost(scale) for scale in (10.0, 20.0)]
     assert twice["fragments"] == pytest.approx(4.0 * one["fragments"])
     assert one["triangles"] == 2
+
+
+def test_a_picture_of_too_many_samples_is_refused(level: leafcloud.OctahedralLevel) -> None:
+    with pytest.raises(leafcloud.LeafcloudError, match=r"8192 samples there.*lower `size` or `samples`"):
+        level.render((1, 0, 0), 2048, centre=(0, 0, 0), radius=1.0, samples=4)
+    level.render((1, 0, 0), 128, centre=(0, 0, 0), radius=1.0, samples=4)

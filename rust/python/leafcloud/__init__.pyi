@@ -535,8 +535,8 @@ class OctahedralLevel:
         samples: int = 4,
         sun: Sequence[float] | None = None,
     ) -> NDArray[np.uint8]:
-        """Draw the impostor, blended, as :func:`render` draws foliage. Under a ``sun`` the stored openness stands for
-        shadows."""
+        """Draw the impostor, blended, as :func:`render` draws foliage, with at most 4096 samples along a side
+        (``size`` × ``samples``). Under a ``sun`` the stored openness stands for shadows."""
     def drawing_cost(self, scale: float, *, up: Sequence[float] = (0.0, 0.0, 1.0)) -> DrawingCost:
         """Return the cost of drawing it, as :func:`drawing_cost`. A pixel counts as three fragments: it blends three
         views."""

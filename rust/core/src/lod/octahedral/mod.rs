@@ -174,8 +174,17 @@ impl Octahedral {
     /// Draws the impostor as seen in `view`, blended, or cut out at a `cutoff` above 0; lit if there is a `sun`, in this direction of length 1.
     ///
     /// # Errors
-    /// A view of no pixels.
+    /// A view of no pixels; more than [`MOST_SAMPLES`] samples along a side.
     pub fn draw(&self, view: &View, cutoff: f32, sun: Option<DVec3>) -> Result<Image> {
+        let samples = view.size.saturating_mul(view.samples.side());
+        if samples > MOST_SAMPLES {
+            return Err(Error::invalid(format!(
+                "a picture of {} pixels with {} samples each along a side has {samples} samples there; an octahedral impostor is drawn with at \
+                 most {MOST_SAMPLES}: lower `size` or `samples`",
+                view.size,
+                view.samples.side()
+            )));
+        }
         let rays = Rays::traced(&self.layout, &draw::depths(&self.normal_depth), view);
         let pages = draw::Pages::new(&self.layout, &self.color, &self.normal_depth);
         match sun {
@@ -184,6 +193,9 @@ impl Octahedral {
         }
     }
 }
+
+/// Most samples along the side of a picture: all rays of a picture are traced at once, and take some 40 bytes each.
+pub const MOST_SAMPLES: usize = 4096;
 
 /// Returns the color page with coverage and mean color of the leaves, and the cutoff with which it covers as much when it is cut out. Calls `tell`
 /// often, and ends with its error.

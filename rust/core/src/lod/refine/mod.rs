@@ -147,22 +147,19 @@ impl Subject<'_> {
         let first = judge.errors(&self.shown(&page, cutoff)?)?;
         let mut best = (page.clone(), cutoff, judge::Gain::none(&first));
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
-        let mut cutoff_now = cutoff;
         for step in 0..rounds * steps {
             progress.tell("refine", step as f64 / (rounds * steps) as f64)?;
             let views = self.views(views, size, FIRST_TURN + step as f64 * TURN_STEP)?;
-            let credits = self.credits(&page, &texels, cutoff_now, &views)?;
+            let credits = self.credits(&page, &texels, cutoff, &views)?;
             texels.move_by(&credits, self.atlas, Rates::of_step(step));
             if (step + 1) % steps == 0 {
-                let mut other = page.clone();
-                other.base_color = texels.image();
-                cutoff_now =
-                    tune::matched(cutoff_now, self.atlas, &other, self.frame, self.double_sided, self.amounts)?;
-                texels.scale(self.amounts.tone(&self.shown(&other, cutoff_now)?)?);
-                other.base_color = texels.image();
-                let gain = judge::Gain::over(&first, &judge.errors(&self.shown(&other, cutoff_now)?)?);
+                let mut other = Page { base_color: texels.page(), ..page.clone() };
+                let matched = tune::matched(cutoff, self.atlas, &other, self.frame, self.double_sided, self.amounts)?;
+                texels.scale(self.amounts.tone(&self.shown(&other, matched)?)?);
+                other.base_color = texels.page();
+                let gain = judge::Gain::over(&first, &judge.errors(&self.shown(&other, matched)?)?);
                 if gain.is_better_than(&best.2) {
-                    best = (other, cutoff_now, gain);
+                    best = (other, matched, gain);
                 }
             }
         }
@@ -188,8 +185,7 @@ impl Subject<'_> {
 
     /// Returns what the texels contribute to the difference from the leaves, view by view.
     fn credits(&self, page: &Page, texels: &Texels, cutoff: f32, views: &[View]) -> Result<Credits> {
-        let mut page = page.clone();
-        page.base_color = texels.image();
+        let page = Page { base_color: texels.widened(), ..page.clone() };
         let at = |cutoff: f32| self.shown(&page, cutoff.clamp(1.0 / 255.0, 1.0));
         let drawn = Drawn { here: at(cutoff)?, denser: at(cutoff - BAND)?, sparser: at(cutoff + BAND)? };
         let of_view = |view: &View| -> Result<Credits> {

@@ -18,6 +18,9 @@ pub struct Texels {
     values: Vec<Vec4>,
     /// The colors at the start.
     start: Vec<Vec3>,
+    /// The cutoff at the start, and the factors by which differences of alpha from it are smaller than on the page.
+    cutoff: f32,
+    slopes: Vec<f32>,
 }
 
 /// How far texels move in a step.
@@ -57,33 +60,31 @@ impl Texels {
     pub fn of(image: &Image, atlas: &Atlas, cutoff: f32) -> Self {
         let values: Vec<Vec4> = image.pixels().iter().copied().map(light).collect();
         let start = values.iter().map(|texel| texel.truncate()).collect();
-        let mut page = Self { width: image.width(), height: image.height(), values, start };
+        let slopes = vec![1.0; values.len()];
+        let mut page = Self { width: image.width(), height: image.height(), values, start, cutoff, slopes };
         let fields = atlas.regions().map(|region| Field { region, width: page.width }).collect::<Vec<_>>();
-        let widened: Vec<Vec<f32>> = fields.par_iter().map(|field| page.widened(field, cutoff)).collect();
-        for (field, alpha) in fields.iter().zip(widened) {
-            for (place, alpha) in alpha.into_iter().enumerate() {
-                page.values[field.texel(place)].w = alpha;
+        let slopes: Vec<Vec<f32>> = fields.par_iter().map(|field| page.slopes(field)).collect();
+        for (field, slopes) in fields.iter().zip(slopes) {
+            for (place, slope) in slopes.into_iter().enumerate() {
+                let texel = field.texel(place);
+                page.slopes[texel] = slope;
+                page.values[texel].w = cutoff + (page.values[texel].w - cutoff) * slope;
             }
         }
         page
     }
 
-    /// Returns the alpha of a billboard with widened edges.
-    fn widened(&self, field: &Field, cutoff: f32) -> Vec<f32> {
+    /// Returns the slopes of a billboard's alpha: small near edges, 1 far from them.
+    fn slopes(&self, field: &Field) -> Vec<f32> {
         let Region { width, height, .. } = field.region;
-        let own: Vec<f32> = (0..width * height).map(|place| self.values[field.texel(place)].w).collect();
         // The share of drawn texels around a texel, with the number of all.
-        let mut drawn: Vec<Vec4> =
-            own.iter().map(|alpha| Vec4::new(f32::from(u8::from(*alpha >= cutoff)), 0.0, 0.0, 1.0)).collect();
+        let is_drawn = |place: usize| f32::from(u8::from(self.values[field.texel(place)].w >= self.cutoff));
+        let mut drawn: Vec<Vec4> = (0..width * height).map(|place| Vec4::new(is_drawn(place), 0.0, 0.0, 1.0)).collect();
         for _ in 0..2 {
             drawn = around(&around(&drawn, width, 1), height, width);
         }
-        let widened = |(alpha, drawn): (&f32, Vec4)| {
-            let far = (2.0 * drawn.x / drawn.w - 1.0).abs();
-            // Where nothing is near, alpha stays 0.
-            if drawn.x == 0.0 { 0.0 } else { cutoff + (alpha - cutoff) * (AT_EDGES + (1.0 - AT_EDGES) * far) }
-        };
-        own.iter().zip(drawn).map(widened).collect()
+        let slope = |drawn: &Vec4| AT_EDGES + (1.0 - AT_EDGES) * (2.0 * drawn.x / drawn.w - 1.0).abs();
+        drawn.iter().map(slope).collect()
     }
 
     /// Multiplies all colors. Rounded to codes, colors keep their mean only if they vary in fractions of a code, as these do.
@@ -92,13 +93,21 @@ impl Texels {
         self.start.par_iter_mut().for_each(|start| *start *= factors);
     }
 
-    /// Returns the page's image.
-    ///
-    /// # Panics
-    /// Never: the size stays.
-    pub fn image(&self) -> Image {
-        let pixel = |texel: &Vec4| [encode(texel.x), encode(texel.y), encode(texel.z), quantise(texel.w)];
-        let pixels: Vec<[u8; 4]> = self.values.par_iter().map(pixel).collect();
+    /// Returns the image with widened edges, for drawing the steps.
+    pub fn widened(&self) -> Image {
+        self.image(|_, alpha| alpha)
+    }
+
+    /// Returns the page's image, with edges as steep as they were at the start.
+    pub fn page(&self) -> Image {
+        self.image(|texel, alpha| self.cutoff + (alpha - self.cutoff) / self.slopes[texel])
+    }
+
+    fn image(&self, alpha: impl Fn(usize, f32) -> f32 + Sync) -> Image {
+        let pixel = |(index, texel): (usize, &Vec4)| {
+            [encode(texel.x), encode(texel.y), encode(texel.z), quantise(alpha(index, texel.w))]
+        };
+        let pixels: Vec<[u8; 4]> = self.values.par_iter().enumerate().map(pixel).collect();
         Image::new(self.width, self.height, pixels).expect("as many texels as before")
     }
 
@@ -161,7 +170,7 @@ impl Texels {
         let rgb = (texel.truncate() + step).clamp(start / FARTHEST, brightest);
         let mean = alpha.x / (alpha.w + PRIOR);
         let change = rates.alpha * mean / (mean.abs() + usual).max(f32::MIN_POSITIVE);
-        // A texel without alpha stays so: gutters, and the surroundings that polygons leave out.
+        // A texel without alpha stays so: gutters, and places far from all leaves.
         let w = if texel.w > 0.0 { (texel.w + change).clamp(1.0 / 255.0, 1.0) } else { 0.0 };
         rgb.extend(w)
     }
