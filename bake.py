@@ -271,9 +271,13 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
 
 def _keep_sources(sources: Sequence[Path], out: Path, names: Sequence[str]) -> None:
     """Raise `Refusal` if the results with these names would replace a file that is baked."""
-    results = re.compile(rf"({'|'.join(map(re.escape, names))})(_LOD\d+)?\.(glb|blend)", re.IGNORECASE)
+    results = re.compile(rf"({'|'.join(map(re.escape, names))})(_LOD\d+|_shadow)?\.(glb|blend)", re.IGNORECASE)
+
+    def is_result(file: Path) -> bool:
+        return bool(results.fullmatch(file.name)) and out.is_dir() and out.samefile(file.parent)
+
     for source in sources:
-        if results.fullmatch(source.name) and out.is_dir() and out.samefile(source.parent):
+        if is_result(source) or is_result(source.resolve()):
             raise Refusal(f"the results in {out} would replace {source}, which is baked: choose another --out")
 
 

@@ -55,15 +55,24 @@ def guarded(program: str, cancelled: str) -> Iterator[None]:
         yield
         return
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*ending.SIGNALS, signal.SIGCHLD})
+    # Ignored signals stay ignored. If they were blocked, the guard would receive them.
+    answered = {number for number in ending.SIGNALS if signal.getsignal(number) is not signal.SIG_IGN}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {*answered, signal.SIGCHLD})
     receiver, sender = os.pipe()
     guard = _Guard(program, cancelled, receiver, _limits(arguments()))
     number = os.getpid()
-    with suppress(OSError):  # No process is left for the user: the bake runs without a guard.
+    try:
         child = os.fork()
-        if child:
-            os.close(sender)
-            os._exit(guard.status(child))
+    except OSError:  # No process is left for the user: the bake runs without a guard.
+        child = None
+    if child:
+        os.close(sender)
+        status = 1
+        try:
+            status = guard.status(child, answered)
+        finally:
+            os._exit(status)
+    if child is not None:
         is_guarded = True
         ending.tell_commits(sender)
         ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
@@ -90,15 +99,15 @@ class _Guard:
         self._missing = _missing(limits.out)
         self._child = 0
 
-    def status(self, child: int) -> int:
-        """Wait for the end of the bake. Return the exit status."""
+    def status(self, child: int, answered: set[signal.Signals]) -> int:
+        """Wait for the end of the bake, and pass these signals on. Return the exit status."""
         self._child = child
         begin = time.monotonic()
         asked: tuple[int, float] | None = None
         os.set_blocking(self._commits, False)
         while True:
-            got = signal.sigtimedwait({*ending.SIGNALS, signal.SIGCHLD}, _LOOK_SECONDS)
-            if got is not None and got.si_signo in ending.SIGNALS:
+            got = signal.sigtimedwait({*answered, signal.SIGCHLD}, _LOOK_SECONDS)
+            if got is not None and got.si_signo in answered:
                 os.kill(self._child, got.si_signo)
                 asked = asked or (got.si_signo, time.monotonic())
             ended, status = os.waitpid(self._child, os.WNOHANG)
@@ -122,13 +131,17 @@ class _Guard:
 
     def _kill(self) -> bool:
         """Kill the bake, unless it replaces files. Return whether it is dead."""
-        with suppress(BlockingIOError):
-            self._commits_now = self._commits_now or bool(os.read(self._commits, 1))
-        if self._commits_now:
+        if self._has_begun_to_commit():
             return False
         os.kill(self._child, signal.SIGKILL)
         os.waitpid(self._child, 0)
         return True
+
+    def _has_begun_to_commit(self) -> bool:
+        """Return whether the bake has told that it replaces files."""
+        with suppress(BlockingIOError):
+            self._commits_now = self._commits_now or bool(os.read(self._commits, 1))
+        return self._commits_now
 
     def _ended(self, status: int) -> int:
         if status >= 0:
@@ -145,7 +158,8 @@ class _Guard:
 
         with suppress(OSError):
             ending.remove_left_behind()
-        if self._limits.out is not None and recover(self._limits.out):
+        # An earlier bake may have left a commit, too.
+        if self._limits.out is not None and recover(self._limits.out) and self._has_begun_to_commit():
             return 0
         for folder in self._missing:
             with suppress(OSError):

@@ -3,10 +3,10 @@
 usage: python bench/refine.py [TREE.glb …]   (default: foliage of up to 200,000 triangles)
 
 As in bench/fidelity.py, level 1 has at most the billboards of the published method and the same number of texels, and
-the metrics render leaves and level from the same 8 views, which no step of a refinement and no judge of it uses. Three
-levels of each tree are baked: with `--refine off`, `short` and `long`; a fourth with a quarter of the texels and
-`long`. A tree takes some minutes. Each tree's results go into docs/bench/refine.json immediately, with the measured
-commit; docs/bench/refine.md shows them.
+the metrics render leaves and level from the same 8 views, which no step of a refinement and no judge of it uses. Level
+1 is built with `refine` `off`, `short` and `long`, and with `long` and a quarter of the texels. A tree takes some
+minutes. Each tree's results go into docs/bench/refine.json immediately, with the measured commit; docs/bench/refine.md
+shows them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from fidelity import (
     judged,
     lines_of,
     make_alternatives,
-    run,
+    rendered,
     smaller,
     triangles,
 )
@@ -42,7 +41,7 @@ import leafcloud
 
 MEASURED = ROOT / "docs" / "bench" / "refine.json"
 SIZES = (256, 128, 64, 32)
-BAKES = {
+BAKES: dict[str, tuple[leafcloud.Refine, int]] = {
     "off": ("off", LEVELS["level 1"]),
     "short": ("short", LEVELS["level 1"]),
     "long": ("long", LEVELS["level 1"]),
@@ -55,10 +54,11 @@ PICTURED, VIEW = "pine_cards_20k", 4
 
 INTRODUCTION = """# Refinement
 
-Made by `make bench-refine`: level 1 against the leaves, with `--refine off`, `short` and `long`, and with `long` on an
+Made by `make bench-refine`: level 1 against the leaves, with `refine` `off`, `short` and `long`, and with `long` on an
 atlas page of a quarter of the texels. Billboards and texels are those of the published method (*literal*), as in
-[fidelity.md](fidelity.md). FLIP is the mean over 8 views that no refinement uses, rendered by the metrics with 16 × 16
-samples in each pixel. *seconds*: the refinement alone, on as many cores as the machine has.
+[fidelity.md](fidelity.md). Textures are those of the .blend file; [files for
+engines](../decisions/engine_textures.md) halve and filter them again. FLIP is the mean over 8 views that no
+refinement uses, rendered by the metrics with 16 × 16 samples in each pixel. *seconds*: the refinement alone, on as many cores as the machine has.
 
 ![leaves of the pine, level 1 as baked, level 1 refined](refine.png)
 
@@ -66,12 +66,16 @@ The leaves of the pine at 256², level 1 as it is baked, level 1 after `--refine
 """
 
 
-def bake(leaves: Path, billboards: int, effort: str, side: int, out: Path) -> tuple[Path, float]:
-    """Bake level 1; return its file and the seconds of its refinement."""
-    shape = ("--max-billboards", billboards, "--texture-size", side, "--levels", 1, "--no-cross", "--effects", "none")
-    run(sys.executable, ROOT / "bake.py", "--input", leaves, "--out", out, *shape, "--refine", effort)
-    report = json.loads((out / "report.json").read_text())
-    return out / f"{leaves.stem}_LOD1.glb", report["levels"][1]["seconds"]["refine"]
+def level_1(leaves: leafcloud.Foliage, billboards: int, effort: leafcloud.Refine, side: int) -> leafcloud.Level:
+    return leafcloud.build_chain(
+        leaves,
+        max_billboards=billboards,
+        extra_error=0.25,
+        texture_size=side,
+        levels=1,
+        cross=False,
+        refine=effort,
+    ).clouds[0]
 
 
 def errors(base: Pictures, other: Pictures) -> dict[str, float]:
@@ -89,11 +93,10 @@ def measure(tree: Path) -> dict[str, Any]:
     row: dict[str, Any] = {"tree": tree.stem, "commit": measured_commit(), "billboards": billboards}
     row["literal"] = errors(seen, judged(base, folder / "paper.glb", ["b"]))
     pictures = {"leaves": seen}
-    with tempfile.TemporaryDirectory() as out:
-        for number, (name, (effort, side)) in enumerate(BAKES.items()):
-            file, seconds = bake(leaves, billboards, effort, side, Path(out) / str(number))
-            pictures[name] = judged(base, file, ["leaves"])
-            row[name] = {**errors(seen, pictures[name]), "seconds": seconds}
+    for name, (effort, side) in BAKES.items():
+        level = level_1(base, billboards, effort, side)
+        pictures[name] = rendered(base, [level.foliage()], SIZES[0])
+        row[name] = {**errors(seen, pictures[name]), "seconds": level.seconds["refine"]}
     if tree.stem == PICTURED:
         row_of_pictures = [over_gray(pictures[name][VIEW]) for name in ("leaves", "off", "long")]
         leafcloud.write_png(str(MEASURED.with_suffix(".png")), np.ascontiguousarray(np.hstack(row_of_pictures)))

@@ -67,6 +67,9 @@ def bake_of(process: subprocess.Popen[str]) -> int:
     return int(process.stdout.readline())
 
 
+IMPATIENT = PROGRAM.replace("with guard", "guard._PATIENCE = 0.5\nwith guard")
+"""The program with a guard that waits for an answer to a signal for half a second."""
+
 READY = "print(os.getpid(), flush=True)\n"
 
 
@@ -95,7 +98,7 @@ def test_a_signal_at_the_first_moment_is_answered(start: Start) -> None:
 def test_an_ignored_interrupt_stays_ignored(start: Start) -> None:
     """As for a process in the background of a script."""
     process = subprocess.Popen(
-        ["sh", "-c", 'trap "" INT; exec "$@"', "sh", sys.executable, "-c", PROGRAM + READY + "time.sleep(1)"],
+        ["sh", "-c", 'trap "" INT; exec "$@"', "sh", sys.executable, "-c", IMPATIENT + READY + "time.sleep(2)"],
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,

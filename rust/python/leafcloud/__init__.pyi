@@ -35,10 +35,11 @@ Method = Literal["stochastic", "density", "kmeans"]
 planes first (Décoret et al. 2003). ``kmeans``: clusters around planes; ``max_billboards`` is the input, ε the
 result."""
 Effort = Literal["literal", "default", "final", "best"]
-Refine = Literal["off", "short", "long"]
 """Search time of the method ``stochastic``. ``literal``: the published algorithm, for comparison. ``default``: greedy
 search over all directions and offsets. ``final``: then a search for fewer planes (seconds). ``best``: the same with ten
 times the search time."""
+Refine = Literal["off", "short", "long"]
+"""Work of the refinement: none, some seconds or some tens of seconds for each cloud."""
 Progress = Callable[[str, float], bool | None]
 """Function called with the stage and the fraction done in [0, 1]. Returning ``False`` cancels the work."""
 

@@ -247,7 +247,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         let subject = Subject {
             leaves: step.leaves,
             amounts: &step.references.tuning,
-            atlas: &tight(&page, alpha_cutoff - refine::BAND),
+            atlas: &atlas,
+            tight: &tight(&page, alpha_cutoff - refine::BAND),
             frame: finer.frame(),
             double_sided: !two_sided,
             up: settings.up,

@@ -114,7 +114,12 @@ def end(tree: Tree, batch: Batch, key: str, outcome: Outcome) -> Row:
         return Row(tree, outcome, False, None)
     report = report_in(folder)
     try:
-        record = {"key": key, "bytes": _sizes(folder, report), **asdict(outcome)}
+        sizes = _sizes(folder, report)
+    except OSError as error:
+        reason = f"{folder}: {error.strerror or error}; something removed a result, bake the tree again"
+        return Row(tree, Outcome(reason, 0.0, 0), False, None)
+    try:
+        record = {"key": key, "bytes": sizes, **asdict(outcome)}
         write_whole(folder / RECORD, json.dumps(record, indent=2))
     except OSError as error:
         return Row(tree, Outcome(f"{folder}: {error.strerror or error}; make room there", 0.0, 0), False, None)

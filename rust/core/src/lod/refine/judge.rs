@@ -1,6 +1,6 @@
 //! The judge of a refinement: errors of pictures in views that no step has used, at several sizes.
 //!
-//! The error of a picture is the mean absolute difference of its codes over gray, near the silhouettes: sums in a fixed order, so it is the
+//! The error of a picture is the sum of absolute differences of codes over gray, for each pixel of the leaves: sums in a fixed order, so it is the
 //! same on any machine, which FLIP is not. Sizes count alike: the gain is the mean of the ratios.
 
 use rayon::prelude::*;
@@ -55,15 +55,13 @@ fn pictures(foliage: &Foliage, views: &[View]) -> Result<Vec<Vec<Image>>> {
     views.par_iter().map(|view| render(&[foliage], view).map(halves)).collect()
 }
 
-/// Returns the mean absolute difference over the pixels that show anything in either picture.
+/// Returns the sum of absolute differences over the number of pixels that show the leaves.
 fn error(leaves: &Image, level: &Image) -> f64 {
     let (mut sum, mut count) = (0.0, 0u32);
     for (&wanted, &found) in leaves.pixels().iter().zip(level.pixels()) {
-        if wanted[3] > 0 || found[3] > 0 {
-            let difference = over_gray(light(wanted)) - over_gray(light(found));
-            sum += f64::from(difference.abs().element_sum());
-            count += 1;
-        }
+        let difference = over_gray(light(wanted)) - over_gray(light(found));
+        sum += f64::from(difference.abs().element_sum());
+        count += u32::from(wanted[3] > 0);
     }
     sum / f64::from(count.max(1))
 }
@@ -76,7 +74,7 @@ impl Gain {
 
     pub fn over(first: &Errors, now: &Errors) -> Self {
         let ratio = |(&(size, before), &(_, after)): (&(usize, f64), &(usize, f64))| {
-            (size, after / before.max(f64::MIN_POSITIVE))
+            (size, if before > 0.0 { after / before } else { 1.0 + after })
         };
         Self { errors: first.iter().zip(now).map(ratio).collect() }
     }

@@ -10,13 +10,13 @@
 //!
 //! The steps are those of a simultaneous iterative reconstruction (SIRT; Gilbert, "Iterative methods for the three-dimensional
 //! reconstruction of an object from projections", 1972): each texel takes the mean over what it contributes to. Differences count twice, in
-//! single pixels and in blocks of some four pixels: single pixels alone would blur the texture and change its mean. Hasselgren et al.
+//! single pixels and in blocks of some five pixels: single pixels alone would blur the texture and change its mean. Hasselgren et al.
 //! ("Appearance-Driven Automatic 3D Model Simplification", 2021) let pictures decide by gradients; Deliot et al. ("Transforming a
 //! Non-Differentiable Rasterizer into a Differentiable One with Stochastic Gradient Estimation", 2024) by paired pictures, without
 //! derivatives of the rasterizer, as here.
 //!
-//! After each round other views judge ([`judge`]). A page counts only if it is better in them on the whole and worse at no size, so a level
-//! never becomes worse. Planes, polygons and the morph do not change, nor do other channels: color and alpha alone move.
+//! After each round other views judge ([`judge`]). A page counts only if it is better in them on the whole and worse at no size. Planes and
+//! the morph do not change, nor do other channels: color and alpha alone move, and polygons follow the new outlines.
 //!
 //! Sums have a fixed order: texels collect their credits billboard by billboard, in the order of views and pixels. O(steps · views ·
 //! (pixels + fragments)), plus O(texels) a step. Known limit: alpha that is far from the cutoff does not move, and leaves stay on their
@@ -94,8 +94,10 @@ pub struct Subject<'a> {
     pub leaves: &'a Foliage,
     /// Renderings of the leaves for coverage.
     pub amounts: &'a Reference,
-    /// Its layout, in `frame`; tight polygons are faster to draw.
+    /// Its layout, in `frame`.
     pub atlas: &'a Atlas,
+    /// The layout with tight polygons, which are faster to draw, around all that may become visible.
+    pub tight: &'a Atlas,
     /// Its local frame.
     pub frame: &'a Frame,
     /// Whether billboards are seen from both sides.
@@ -117,10 +119,17 @@ const SIZES: (usize, usize) = (64, 256);
 /// Points along a pixel's side at which the level is looked at.
 const POINTS: usize = 2;
 
-/// Turns of the views: the first of the steps, the angle from step to step, and the turn of the judging views. Other views tune and report.
-const FIRST_TURN: f64 = 0.77;
-const TURN_STEP: f64 = 0.618_033_988_75;
+/// Turn of the judging views. Other views tune (turn ¼) and report (½), and benchmarks use others again (0).
 const JUDGING_TURN: f64 = 0.4;
+
+/// Turns of the steps, spread evenly between these, because a turn of 2.618 golden angles is a whole one: it shares its directions with 0.
+const TURNS: (f64, f64) = (0.65, 2.45);
+
+/// Returns the turn of a step's views.
+fn turn_of(step: usize) -> f64 {
+    let place = step as f64 * 0.618_033_988_75;
+    TURNS.0 + (TURNS.1 - TURNS.0) * (place - place.floor())
+}
 
 /// Range of alpha about the cutoff in which texels move in one step.
 pub const BAND: f32 = 0.12;
@@ -149,7 +158,7 @@ impl Subject<'_> {
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
             progress.tell("refine", step as f64 / (rounds * steps) as f64)?;
-            let views = self.views(views, size, FIRST_TURN + step as f64 * TURN_STEP)?;
+            let views = self.views(views, size, turn_of(step))?;
             let credits = self.credits(&page, &texels, cutoff, &views)?;
             texels.move_by(&credits, self.atlas, Rates::of_step(step));
             if (step + 1) % steps == 0 {
@@ -186,7 +195,10 @@ impl Subject<'_> {
     /// Returns what the texels contribute to the difference from the leaves, view by view.
     fn credits(&self, page: &Page, texels: &Texels, cutoff: f32, views: &[View]) -> Result<Credits> {
         let page = Page { base_color: texels.widened(), ..page.clone() };
-        let at = |cutoff: f32| self.shown(&page, cutoff.clamp(1.0 / 255.0, 1.0));
+        let at = |cutoff: f32| {
+            let material = page.material(cutoff.clamp(1.0 / 255.0, 1.0), self.double_sided);
+            billboards(self.tight, self.frame, material)
+        };
         let drawn = Drawn { here: at(cutoff)?, denser: at(cutoff - BAND)?, sparser: at(cutoff + BAND)? };
         let of_view = |view: &View| -> Result<Credits> {
             let target = Target::new(self.leaves, view)?;

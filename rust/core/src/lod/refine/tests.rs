@@ -134,6 +134,48 @@ fn blended_billboards_stay_as_they_are_baked() {
 }
 
 #[test]
+fn steps_use_other_views_than_judges_and_reports() {
+    let whole = 2.0 * std::f64::consts::PI / (std::f64::consts::PI * (3.0 - 5f64.sqrt()));
+    for step in 0..32 {
+        for other in [0.0, 0.25, JUDGING_TURN, 0.5] {
+            let apart = (turn_of(step) - other).rem_euclid(whole);
+            assert!(apart.min(whole - apart) > 0.1, "step {step} has the turn {}", turn_of(step));
+        }
+    }
+}
+
+#[test]
+fn pages_of_any_shape_are_refined() {
+    let foliage = bush(120);
+    for (width, height, back_sides) in [(256, 64, None), (64, 128, Some(true)), (64, 64, None)] {
+        let size = crate::atlas::PageSize { width, height };
+        let settings = ChainSettings { texture_size: size, back_sides, levels: 2, ..settings(Refinement::Short) };
+        let chain = build_chain(&foliage, None, &settings, Progress::silent()).unwrap();
+        for level in &chain.levels {
+            let errors = &level.refined.as_ref().unwrap().errors;
+            assert!(errors.iter().all(|(_, ratio)| *ratio <= 1.0), "{errors:?}");
+            assert!((0.8..1.2).contains(&level.coverage), "{}", level.coverage);
+        }
+    }
+}
+
+#[test]
+fn unmoved_texels_stay_as_they_are_baked() {
+    let foliage = bush(150);
+    let level = level(&foliage, Refinement::Off);
+    let texels = Texels::of(&level.page.base_color, &level.atlas, level.alpha_cutoff);
+    let pairs = || texels.page().pixels().to_vec().into_iter().zip(level.page.base_color.pixels().to_vec());
+    assert!(pairs().all(|(new, old)| (0..4).all(|i| new[i].abs_diff(old[i]) <= 1)), "within a code");
+    assert_ne!(texels.widened(), level.page.base_color);
+}
+
+#[test]
+fn a_perfect_level_has_nothing_to_gain() {
+    let first = vec![(64, 0.0)];
+    assert_eq!(judge::Gain::over(&first, &vec![(64, 0.0)]).errors, [(64, 1.0)]);
+}
+
+#[test]
 fn a_gain_counts_only_if_no_size_loses() {
     let first = vec![(64, 0.2), (32, 0.1)];
     let gain = |errors: [f64; 2]| judge::Gain::over(&first, &vec![(64, errors[0]), (32, errors[1])]);
