@@ -58,7 +58,8 @@ Made by `make bench-refine`: level 1 against the leaves, with `refine` `off`, `s
 atlas page of a quarter of the texels. Billboards and texels are those of the published method (*literal*), as in
 [fidelity.md](fidelity.md). Textures are those of the .blend file; [files for
 engines](../decisions/engine_textures.md) halve and filter them again. FLIP is the mean over 8 views that no
-refinement uses, rendered by the metrics with 16 × 16 samples in each pixel. *seconds*: the refinement alone, on as many cores as the machine has.
+refinement uses, rendered by the metrics with 16 × 16 samples in each pixel. *seconds*: the
+refinement alone, on as many cores as the machine has.
 
 ![leaves of the pine, level 1 as baked, level 1 refined](refine.png)
 
