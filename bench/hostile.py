@@ -26,7 +26,7 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,7 @@ OWN_LIMITS = ("--memory", f"{0.9 * MEMORY / 2**30:.3g}", "--minutes", f"{0.8 * S
 """Limits that the bake keeps by itself."""
 SEED = 20261126
 
-GOOD = ("baked", "named")
+GOOD = ("baked", "named", "limit told", "crash told")
 ENDS = (*GOOD, "unnamed", "traceback", "crash", "hang", "memory", "escape")
 
 INTRODUCTION = f"""# Hostile files
@@ -54,6 +54,7 @@ and {MEMORY >> 30} GiB of memory. Pipes, devices, links and sparse files are bes
 folder. The bakes get the flags `{" ".join(OWN_LIMITS)}`.
 
 - *baked*: the bake ended well. *named*: it was refused in one line with the fault and a remedy.
+- *limit told*, *crash told*: the guard ended the bake at a limit, or Blender crashed, and one line says so.
 - *unnamed*: refused in another way. *traceback*: with a traceback. *crash*: by a signal. *hang*, *memory*: over a
   limit.
 - *escape*: something was written outside of the folder for results.
@@ -122,6 +123,7 @@ def _known(file: Path | None, names: set[str]) -> list[End]:
     if file is None or not file.exists():
         return []
     ends = [End(**json.loads(line)) for line in file.read_text(encoding="utf-8").splitlines()]
+    ends = [replace(end, how=_told(end.words)) if end.how == "named" else end for end in ends]
     return [end for end in ends if end.name in names]
 
 
@@ -226,8 +228,15 @@ def _how(stopped: str, status: int, words: str, results: bool) -> str:
     if status == 0:
         return "baked" if results and not lines else "unnamed"
     if status == 1 and len(lines) == 1 and lines[0].startswith("bake.py: ") and re.search("[;:] ", lines[0][9:]):
-        return "named"
+        return _told(lines[0])
     return "unnamed"
+
+
+def _told(words: str) -> str:
+    """Return whose line it is: of the guard (`addon/guard.py`), or of a check that refused the file."""
+    if re.search(r"the bake crashed|killed the bake", words):
+        return "crash told"
+    return "limit told" if re.search(r"not done after|the bake needs more than", words) else "named"
 
 
 def _is_progress(line: str) -> bool:
