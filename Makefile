@@ -175,7 +175,7 @@ soak: setup ## repeat bakes and calls of the wheel in one process and measure it
 	.venv/bin/python bench/soak.py $(ARGS)
 
 .PHONY: hostile
-hostile: setup ## bake hostile files and count how the bakes end: docs/hostile.md (an hour; ARGS='--sample 400' for less)
+hostile: setup ## bake hostile files and count how the bakes end: docs/hostile.md (two hours; ARGS='--sample 400' for less)
 	.venv/bin/python bench/hostile.py $(ARGS)
 
 .PHONY: bench-stability

@@ -268,9 +268,8 @@ _NODES: dict[str, Make] = {
     "long string": _nodes(_strings),
     **{
         f"{kind} from {path}": _nodes(partial(_read, kind=f"GeometryNodeImport{kind}", path=path))
-        for kind in ("OBJ", "PLY", "STL", "CSV", "VDB", "Text")
+        for kind in ("OBJ", "PLY", "STL", "CSV", "VDB")
         for path in ("//pipe", "/dev/zero")
-        if kind != "Text"
     },
 }
 

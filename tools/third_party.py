@@ -32,7 +32,7 @@ the wheel. Each line has a project, its version, and the license under which Lea
 licenses follow, each with the names of its projects. `make licenses` writes this file.
 """
 
-# Words that only this license has.
+# Words of each license. The two BSD licenses share theirs; no crate leaves the choice between both.
 WORDS = {
     "MIT": "permission is hereby granted, free of charge",
     "Apache-2.0": "terms and conditions for use, reproduction, and distribution",

@@ -178,6 +178,17 @@ def test_a_bake_does_not_replace_its_input(source: str, shrub: Path, tmp_path: P
     assert file.read_bytes() == before
 
 
+def test_a_bake_does_not_replace_the_target_of_a_link(shrub: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    file = tmp_path / "out" / "tree.glb"
+    file.write_bytes(shrub.read_bytes())
+    (tmp_path / "tree.glb").symlink_to(file)
+    done = run("--input", tmp_path / "tree.glb", "--out", tmp_path / "out", *QUICK)
+    assert done.returncode == 1
+    assert "would replace" in done.stderr
+    assert file.read_bytes() == shrub.read_bytes()
+
+
 def test_another_file_beside_the_results_is_baked(shrub: Path, tmp_path: Path) -> None:
     file = tmp_path / "old tree.glb"
     file.write_bytes(shrub.read_bytes())
