@@ -3,7 +3,7 @@
 usage: python bench/refine.py [TREE.glb …]   (default: foliage of up to 200,000 triangles)
 
 As in bench/fidelity.py, level 1 has at most the billboards of the published method and the same number of texels, and
-the metrics render leaves and level from the same 8 views, which no step of a refinement and no judge of it uses. Level
+the metrics render leaves and level from the same 8 views, which no step of a refinement and no test of it uses. Level
 1 is built with `refine` `off`, `short` and `long`, and with `long` and a quarter of the texels. A tree takes some
 minutes. Each tree's results go into docs/bench/refine.json immediately, with the measured commit; docs/bench/refine.md
 shows them.

@@ -367,7 +367,7 @@ class Level:
         """Maximum distance that a vertex moves within its plane, fraction of R."""
     @property
     def refined(self) -> list[tuple[int, float]] | None:
-        """Effect of the refinement, judged by pictures in views that no step of it used: sides in pixels, each with the
+        """Effect of the refinement in pictures of views that no step of it used: sides in pixels, each with the
         mean absolute error relative to that before; 1.0 where nothing changed. ``None`` without refinement."""
     @property
     def mean_deviation(self) -> float:

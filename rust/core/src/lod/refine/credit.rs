@@ -48,8 +48,8 @@ pub struct Drawn {
     pub sparser: Foliage,
 }
 
-/// Points of a picture: texture coordinates with 1, or zeros where nothing is drawn.
-type Points = Vec<Vec4>;
+/// Texture coordinates at the points of a picture, with 1; zeros where nothing is drawn.
+type TexturePoints = Vec<Vec4>;
 
 impl Drawn {
     /// Returns the credits of one view, with so many points along the side of a pixel.
@@ -58,12 +58,12 @@ impl Drawn {
         let grid = Grid { size: view.size, points };
         let [here, denser, sparser] = [&self.here, &self.denser, &self.sparser].map(|part| texture_points(part, &fine));
         let (here, denser, sparser) = (here?, denser?, sparser?);
-        let shown: Vec<Vec4> = here.iter().map(|point| texels.shown(point)).collect();
+        let shown: Vec<Vec4> = here.iter().map(|point| texels.color_at(point)).collect();
         let Difference { colors, all } = grid.difference(target, &shown);
         let mut credits = Credits { colors: of_colors(texels, &grid, &here, &colors), alpha: Vec::new() };
         for (index, point) in here.iter().enumerate() {
             let rest = all[grid.pixel(index)];
-            let change = |other: &Vec4| gain(over_gray(shown[index]), over_gray(texels.shown(other)), rest, &grid);
+            let change = |other: &Vec4| gain(over_gray(shown[index]), over_gray(texels.color_at(other)), rest, &grid);
             let mut credit = |point: &Vec4, value: f32| {
                 credits.alpha.push(Credit { texel: texels.nearest(point) as u32, weight: 1.0, value });
             };
@@ -82,7 +82,7 @@ fn differs(a: &Vec4, b: &Vec4) -> bool {
     (a.x, a.y, a.w) != (b.x, b.y, b.w)
 }
 
-fn of_colors(texels: &Texels, grid: &Grid, here: &Points, colors: &[Vec4]) -> Vec<Credit<Vec3>> {
+fn of_colors(texels: &Texels, grid: &Grid, here: &TexturePoints, colors: &[Vec4]) -> Vec<Credit<Vec3>> {
     let visible = here.iter().enumerate().filter(|(_, point)| point.w > 0.0);
     let credit = |(index, point): (usize, &Vec4)| {
         let rest = colors[grid.pixel(index)];

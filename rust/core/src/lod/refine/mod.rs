@@ -15,7 +15,7 @@
 //! Non-Differentiable Rasterizer into a Differentiable One with Stochastic Gradient Estimation", 2024) by paired pictures, without
 //! derivatives of the rasterizer, as here.
 //!
-//! After each round other views judge ([`judge`]). A page counts only if it is better in them on the whole and worse at no size. Planes and
+//! After each round test views measure the gain ([`gain`]). A page counts only if it is better in them on the whole and worse at no size. Planes and
 //! the morph do not change, nor do other channels: color and alpha alone move, and polygons follow the new outlines.
 //!
 //! Sums have a fixed order: texels collect their credits billboard by billboard, in the order of views and pixels. O(steps · views ·
@@ -23,7 +23,7 @@
 //! planes.
 
 mod credit;
-mod judge;
+mod gain;
 mod picture;
 mod texels;
 
@@ -31,7 +31,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use self::credit::{Credits, Drawn};
-use self::judge::Judge;
+use self::gain::{Gain, TestViews};
 use self::picture::Target;
 use self::texels::{Rates, Texels};
 use super::billboards::billboards;
@@ -109,7 +109,7 @@ pub struct Subject<'a> {
 /// What a refinement has changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refined {
-    /// Sides of the judging pictures in pixels, with the error relative to that before the refinement.
+    /// Sides of the test pictures in pixels, with the error relative to that before the refinement.
     pub errors: Vec<(usize, f64)>,
 }
 
@@ -119,8 +119,8 @@ const SIZES: (usize, usize) = (64, 256);
 /// Points along a pixel's side at which the level is looked at.
 const POINTS: usize = 2;
 
-/// Turn of the judging views. Other views tune (turn ¼) and report (½), and benchmarks use others again (0).
-const JUDGING_TURN: f64 = 0.4;
+/// Turn of the test views. Other views tune (turn ¼) and report (½), and benchmarks use others again (0).
+const TEST_TURN: f64 = 0.4;
 
 /// Turns of the steps, spread evenly between these, because a turn of 2.618 golden angles is a whole one: it shares its directions with 0.
 const TURNS: (f64, f64) = (0.65, 2.45);
@@ -152,9 +152,9 @@ impl Subject<'_> {
         }
         let size = self.size();
         progress.tell("refine", 0.0)?;
-        let judge = Judge::new(self.leaves, self.views(judge::VIEWS, size, JUDGING_TURN)?)?;
-        let first = judge.errors(&self.shown(&page, cutoff)?)?;
-        let mut best = (page.clone(), cutoff, judge::Gain::none(&first));
+        let tests = TestViews::new(self.leaves, self.views(gain::VIEWS, size, TEST_TURN)?)?;
+        let first = tests.errors(&self.shown(&page, cutoff)?)?;
+        let mut best = (page.clone(), cutoff, Gain::none(&first));
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
             progress.tell("refine", step as f64 / (rounds * steps) as f64)?;
@@ -166,7 +166,7 @@ impl Subject<'_> {
                 let matched = tune::matched(cutoff, self.atlas, &other, self.frame, self.double_sided, self.amounts)?;
                 texels.scale(self.amounts.tone(&self.shown(&other, matched)?)?);
                 other.base_color = texels.page();
-                let gain = judge::Gain::over(&first, &judge.errors(&self.shown(&other, matched)?)?);
+                let gain = Gain::over(&first, &tests.errors(&self.shown(&other, matched)?)?);
                 if gain.is_better_than(&best.2) {
                     best = (other, matched, gain);
                 }

@@ -55,14 +55,19 @@ pub fn at_both_scales(picture: &[Vec4], size: usize) -> Vec<Vec4> {
     picture.iter().zip(blocks).map(mixed).collect()
 }
 
-/// Returns the means of `2 · RADIUS + 1` pixels along an axis with this stride; beyond the edges nothing differs.
+/// Returns means of `2 · RADIUS + 1` pixels along an axis; beyond the edges nothing differs.
 fn means(picture: &[Vec4], size: usize, stride: usize) -> Vec<Vec4> {
-    let mean = |index: usize| {
-        let place = index / stride % size;
-        let (first, last) = (place.saturating_sub(RADIUS), (place + RADIUS).min(size - 1));
+    let count = (2 * RADIUS + 1) as f32;
+    sums(picture, size, stride, RADIUS).into_iter().map(|sum| sum / count).collect()
+}
+
+/// Returns the sum of the `2 · reach + 1` values around each value, along an axis of `length` values with this stride.
+pub fn sums(values: &[Vec4], length: usize, stride: usize, reach: usize) -> Vec<Vec4> {
+    let sum = |index: usize| {
+        let place = index / stride % length;
+        let (first, last) = (place.saturating_sub(reach), (place + reach).min(length - 1));
         let start = index - place * stride;
-        let sum: Vec4 = (first..=last).map(|i| picture[start + i * stride]).sum();
-        sum / (2 * RADIUS + 1) as f32
+        (first..=last).map(|i| values[start + i * stride]).sum()
     };
-    (0..picture.len()).into_par_iter().with_min_len(1 << 12).map(mean).collect()
+    (0..values.len()).into_par_iter().with_min_len(1 << 12).map(sum).collect()
 }

@@ -75,8 +75,8 @@ fn pictures_from_other_sides_become_more_like_the_leaves() {
     let foliage = bush(400);
     let [before, after] = [Refinement::Off, Refinement::Short].map(|effort| level(&foliage, effort));
     assert_eq!(before.refined, None);
-    let judged = &after.refined.as_ref().unwrap().errors;
-    assert!(judged.iter().all(|(_, ratio)| *ratio < 1.0), "{judged:?}");
+    let tested = &after.refined.as_ref().unwrap().errors;
+    assert!(tested.iter().all(|(_, ratio)| *ratio < 1.0), "{tested:?}");
     let views = Views { count: 5, size: 96, samples: Samples::new(4).unwrap(), up: DVec3::Z, turn: 0.13 };
     let leaves = Reference::new(&[&foliage], foliage.frame(), views).unwrap();
     let pictures = |page: &Page, level: &Level| {
@@ -134,10 +134,10 @@ fn blended_billboards_stay_as_they_are_baked() {
 }
 
 #[test]
-fn steps_use_other_views_than_judges_and_reports() {
+fn steps_use_other_views_than_tests_and_reports() {
     let whole = 2.0 * std::f64::consts::PI / (std::f64::consts::PI * (3.0 - 5f64.sqrt()));
     for step in 0..32 {
-        for other in [0.0, 0.25, JUDGING_TURN, 0.5] {
+        for other in [0.0, 0.25, TEST_TURN, 0.5] {
             let apart = (turn_of(step) - other).rem_euclid(whole);
             assert!(apart.min(whole - apart) > 0.1, "step {step} has the turn {}", turn_of(step));
         }
@@ -170,16 +170,30 @@ fn unmoved_texels_stay_as_they_are_baked() {
 }
 
 #[test]
+fn sums_along_both_axes_are_those_of_the_definition() {
+    let (width, height, reach) = (7usize, 4usize, 2usize);
+    let values: Vec<Vec4> = (0..width * height).map(|i| Vec4::splat((i * i % 11) as f32)).collect();
+    let found = picture::sums(&picture::sums(&values, width, 1, reach), height, width, reach);
+    for (index, sum) in found.iter().enumerate() {
+        let near = |other: &usize| {
+            (other % width).abs_diff(index % width) <= reach && (other / width).abs_diff(index / width) <= reach
+        };
+        let wanted: Vec4 = (0..values.len()).filter(near).map(|other| values[other]).sum();
+        assert_eq!(*sum, wanted, "at {index}");
+    }
+}
+
+#[test]
 fn a_perfect_level_has_nothing_to_gain() {
     let first = vec![(64, 0.0)];
-    assert_eq!(judge::Gain::over(&first, &vec![(64, 0.0)]).errors, [(64, 1.0)]);
+    assert_eq!(Gain::over(&first, &vec![(64, 0.0)]).errors, [(64, 1.0)]);
 }
 
 #[test]
 fn a_gain_counts_only_if_no_size_loses() {
     let first = vec![(64, 0.2), (32, 0.1)];
-    let gain = |errors: [f64; 2]| judge::Gain::over(&first, &vec![(64, errors[0]), (32, errors[1])]);
-    let none = judge::Gain::none(&first);
+    let gain = |errors: [f64; 2]| Gain::over(&first, &vec![(64, errors[0]), (32, errors[1])]);
+    let none = Gain::none(&first);
     assert!(gain([0.1, 0.1]).is_better_than(&none));
     assert!(!gain([0.02, 0.101]).is_better_than(&none), "the small pictures became worse");
     assert!(gain([0.1, 0.05]).is_better_than(&gain([0.1, 0.1])));

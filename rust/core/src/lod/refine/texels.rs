@@ -4,7 +4,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::credit::{Credit, Credits};
-use super::picture::light;
+use super::picture::{light, sums};
 use crate::atlas::{Atlas, Region};
 use crate::color::{encode, quantise};
 use crate::foliage::Image;
@@ -81,7 +81,7 @@ impl Texels {
         let is_drawn = |place: usize| f32::from(u8::from(self.values[field.texel(place)].w >= self.cutoff));
         let mut drawn: Vec<Vec4> = (0..width * height).map(|place| Vec4::new(is_drawn(place), 0.0, 0.0, 1.0)).collect();
         for _ in 0..2 {
-            drawn = around(&around(&drawn, width, 1), height, width);
+            drawn = around(&drawn, width, height);
         }
         let slope = |drawn: &Vec4| AT_EDGES + (1.0 - AT_EDGES) * (2.0 * drawn.x / drawn.w - 1.0).abs();
         drawn.iter().map(slope).collect()
@@ -119,7 +119,7 @@ impl Texels {
     }
 
     /// Returns the color at a point, between its four texels, with 1; zeros where nothing is drawn.
-    pub fn shown(&self, point: &Vec4) -> Vec4 {
+    pub fn color_at(&self, point: &Vec4) -> Vec4 {
         if point.w == 0.0 {
             return Vec4::ZERO;
         }
@@ -137,7 +137,7 @@ impl Texels {
         let owners = self.owners(atlas);
         let colors = grouped(&credits.colors, &owners, atlas.billboards.len());
         let alpha = grouped(&credits.alpha, &owners, atlas.billboards.len());
-        let usual = usual(&credits.alpha);
+        let usual = mean_credit(&credits.alpha);
         let moved = |(number, region): (usize, Region)| {
             let field = Field { region, width: self.width };
             let colors = field.sums(colors.get(number).iter().map(|&i| credits.colors[i as usize]));
@@ -195,7 +195,7 @@ fn grouped<T>(credits: &[Credit<T>], owners: &[u32], billboards: usize) -> Group
 }
 
 /// Returns the mean absolute credit.
-fn usual(credits: &[Credit<f32>]) -> f32 {
+fn mean_credit(credits: &[Credit<f32>]) -> f32 {
     let sum: f64 = credits.iter().map(|credit| f64::from(credit.value.abs())).sum();
     (sum / credits.len().max(1) as f64) as f32
 }
@@ -223,17 +223,11 @@ impl Field {
             let (column, row) = (texel as usize % self.width - x, texel as usize / self.width - y);
             own[row * width + column] += value.extend(weight);
         }
-        around(&around(&own, width, 1), height, width)
+        around(&own, width, height)
     }
 }
 
-/// Returns sums of `2 · REACH + 1` values along an axis of `length` values with this stride.
-fn around(values: &[Vec4], length: usize, stride: usize) -> Vec<Vec4> {
-    let sum = |index: usize| {
-        let place = index / stride % length;
-        let (first, last) = (place.saturating_sub(REACH), (place + REACH).min(length - 1));
-        let start = index - place * stride;
-        (first..=last).map(|i| values[start + i * stride]).sum()
-    };
-    (0..values.len()).map(sum).collect()
+/// Returns the sums over the squares of texels around each texel, in a field of this width and height.
+fn around(values: &[Vec4], width: usize, height: usize) -> Vec<Vec4> {
+    sums(&sums(values, width, 1, REACH), height, width, REACH)
 }

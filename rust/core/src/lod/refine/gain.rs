@@ -1,4 +1,4 @@
-//! The judge of a refinement: errors of pictures in views that no step has used, at several sizes.
+//! The gain of a refinement: errors of pictures in test views, which no step uses, at several sizes.
 //!
 //! The error of a picture is the sum of absolute differences of codes over gray, for each pixel of the leaves: sums in a fixed order, so it is the
 //! same on any machine, which FLIP is not. Sizes count alike: the gain is the mean of the ratios.
@@ -11,14 +11,14 @@ use crate::foliage::{Foliage, Image};
 use crate::metrics::{View, render};
 use crate::textures::mips;
 
-/// Number of judging views.
+/// Number of test views.
 pub const VIEWS: usize = 8;
 
-/// Side of the smallest judging pictures, in pixels.
+/// Side of the smallest pictures, in pixels.
 const SMALLEST: usize = 32;
 
-/// Pictures of the leaves in the judging views, each with its halves.
-pub struct Judge {
+/// Pictures of the leaves in the test views, each with its halves.
+pub struct TestViews {
     views: Vec<View>,
     leaves: Vec<Vec<Image>>,
 }
@@ -31,7 +31,7 @@ pub struct Gain {
     pub errors: Errors,
 }
 
-impl Judge {
+impl TestViews {
     pub fn new(leaves: &Foliage, views: Vec<View>) -> Result<Self> {
         let leaves = pictures(leaves, &views)?;
         Ok(Self { views, leaves })
