@@ -73,6 +73,7 @@ def level_1(leaves: leafcloud.Foliage, billboards: int, effort: leafcloud.Refine
         max_billboards=billboards,
         extra_error=0.25,
         texture_size=side,
+        back_sides=False,
         levels=1,
         cross=False,
         refine=effort,
