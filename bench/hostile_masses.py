@@ -365,7 +365,7 @@ def _cloth(_: Path) -> None:
 
 
 def _sequence(path: str) -> Make:
-    """Return a builder of leaves whose shape is read from a file."""
+    """Return a function that makes leaves, which read their shape from a file."""
 
     def make(_: Path) -> None:
         cache = leaves().modifiers.new("mass", "MESH_CACHE")

@@ -1,4 +1,4 @@
-"""Writes THIRD_PARTY_LICENSES.txt: the licenses of all projects whose code or data the wheel holds.
+"""Writes THIRD_PARTY_LICENSES.txt: the licenses of all code and data of others in the wheel.
 
     python tools/third_party.py          writes the file (`make licenses`)
     python tools/third_party.py --check  exits with 1 if the file is not up to date

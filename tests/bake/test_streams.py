@@ -1,4 +1,4 @@
-"""Bakes whose messages nobody reads: the bake goes on, and its exit status tells of the files."""
+"""Bakes with closed or full standard streams: they go on, and the exit status tells whether all files were written."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ pub fn vector(value: &Bound<'_, PyAny>, name: &str) -> PyResult<DVec3> {
     }
 }
 
-/// Returns what was read of a value that may be large, unless Ctrl-C was pressed meanwhile.
+/// Returns `read`, or `KeyboardInterrupt` after a Ctrl-C. Called after each array, because reading a large one takes long.
 fn answer_signals<T>(value: &Bound<'_, PyAny>, read: T) -> PyResult<T> {
     value.py().check_signals()?;
     Ok(read)

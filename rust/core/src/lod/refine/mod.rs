@@ -1,7 +1,7 @@
 //! Refinement: the texels of a level, changed until its pictures look like those of the leaves.
 //!
 //! The bake projects leaves onto planes and chooses one cutoff. A leaf on its plane appears beside its true place, at another side in each
-//! view, and covers what it did not cover. No rule says which color and which outline look best from all sides; pictures do. So each step
+//! view, and covers other leaves there. The best color and outline from all sides follow from no rule, but from pictures. So each step
 //! draws the leaves and the level from new directions, and credits the difference to the texels that show it:
 //!
 //! - *Color*: each visible texel moves towards the mean color that the leaves have where it is seen.
@@ -9,7 +9,7 @@
 //!   vanishes, the picture becomes better or worse; alpha moves accordingly.
 //!
 //! The steps are those of a simultaneous iterative reconstruction (SIRT; Gilbert, "Iterative methods for the three-dimensional
-//! reconstruction of an object from projections", 1972): each texel takes the mean over what it contributes to. Differences count twice, in
+//! reconstruction of an object from projections", 1972): each texel moves by the mean over all points that show it. Differences count twice, in
 //! single pixels and in blocks of some five pixels: single pixels alone would blur the texture and change its mean. Hasselgren et al.
 //! ("Appearance-Driven Automatic 3D Model Simplification", 2021) let pictures decide by gradients; Deliot et al. ("Transforming a
 //! Non-Differentiable Rasterizer into a Differentiable One with Stochastic Gradient Estimation", 2024) by paired pictures, without

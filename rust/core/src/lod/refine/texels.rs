@@ -40,7 +40,7 @@ impl Rates {
     }
 }
 
-/// Texels around a texel whose credits count for it, along one direction. Single texels are seen in few views.
+/// A texel takes the mean credit of all texels within this distance along rows and columns, because few views show a single texel.
 const REACH: usize = 2;
 
 /// Weight of staying as it is, beside the credits around a texel.
