@@ -25,9 +25,11 @@ from . import ending
 _LOOK_SECONDS = 0.02
 """Time between two looks at the bake. A bake fills some gigabytes of memory a second."""
 _PATIENCE = 20.0
-"""Seconds for the bake to answer a signal."""
+"""Seconds for the bake to answer a signal, or to go on without address space."""
 _USABLE = 0.9
 """Share of the free memory that a bake may use by default."""
+_BRINK = 2**20
+"""Bytes of address space that Python asks for at once. With less, Python 3.11 may try again for ever."""
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of prctl(2)."""
 
@@ -37,11 +39,13 @@ is_guarded = False
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a bake: bytes of memory, seconds, and the folder for its results. None: no limit, no folder."""
+    """Limits of a bake: bytes of memory, seconds, bytes of address space, and the folder for its results. None: no
+    limit, no folder."""
 
     memory: float | None
     seconds: float | None
     out: Path | None
+    space: int | None
 
 
 @contextmanager
@@ -96,6 +100,7 @@ class _Guard:
         self._program, self._cancelled = program, cancelled
         self._commits, self._limits = commits, limits
         self._commits_now = False
+        self._full_since: float | None = None
         self._missing = _missing(limits.out)
         self._child = 0
 
@@ -127,6 +132,12 @@ class _Guard:
         if limits.memory is not None and _memory_of(self._child) > limits.memory:
             remedy = "use a smaller tree, fewer modifiers and instances, or smaller textures, or raise --memory"
             return f"the bake needs more than {limits.memory / 2**30:.3g} GiB of memory: {remedy}"
+        if limits.space is None or _space_of(self._child) + _BRINK <= limits.space:
+            self._full_since = None
+        elif self._full_since is None:
+            self._full_since = seconds
+        elif seconds - self._full_since > _PATIENCE:
+            return f"the bake has used its {limits.space / 2**30:.3g} GiB of address space: raise the limit (ulimit -v)"
         return ""
 
     def _kill(self) -> bool:
@@ -180,9 +191,9 @@ def _limits(given: Sequence[str]) -> Limits:
     try:
         options, _ = parser.parse_known_args(given)
     except argparse.ArgumentError:
-        return Limits(None, None, None)
+        return Limits(None, None, None, _address_space())
     memory = _free_memory() if options.memory is None else options.memory * 2**30
-    return Limits(memory, None if options.minutes is None else 60.0 * options.minutes, options.out)
+    return Limits(memory, None if options.minutes is None else 60.0 * options.minutes, options.out, _address_space())
 
 
 def _above_zero(text: str) -> float:
@@ -199,6 +210,14 @@ def _missing(out: Path | None) -> list[Path]:
     return []
 
 
+def _address_space() -> int | None:
+    """Return the bytes of address space that this process and its children may use; None for no limit."""
+    import resource  # Other systems lack it.
+
+    space, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if space == resource.RLIM_INFINITY else space
+
+
 def _free_memory() -> float | None:
     """Return the bytes that a bake may use by default; None if the system does not tell."""
     free = _kilobytes("/proc/meminfo", ("MemAvailable:", "SwapFree:"))
@@ -208,6 +227,11 @@ def _free_memory() -> float | None:
 def _memory_of(process: int) -> int:
     """Return the bytes of a process in memory and in swap space; 0 if it has ended."""
     return 1024 * _kilobytes(f"/proc/{process}/status", ("VmRSS:", "VmSwap:"))
+
+
+def _space_of(process: int) -> int:
+    """Return the bytes of address space that a process uses; 0 if it has ended."""
+    return 1024 * _kilobytes(f"/proc/{process}/status", ("VmSize:",))
 
 
 def _kilobytes(path: str, names: tuple[str, ...]) -> int:

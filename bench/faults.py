@@ -37,6 +37,8 @@ TREE = ROOT / "examples" / "shrub.glb"
 FLAGS = ("--texture-size", "64", "--levels", "1", "--epsilon")
 OLD, NEW = "0.3", "0.2"
 SEED = 20261126
+HUNG = 1000
+"""Takes the place of the exit status of a bake that does not end."""
 BY_CLOCK = ("report.json", "report.html", ".blend")
 """Ends of the names of files that hold seconds or addresses, so that no two bakes give the same bytes: they must be
 readable."""
@@ -49,7 +51,7 @@ earlier bake. Then the bake is run again, without the fault.
 - *ended well*: the bake was done before the fault, or was not disturbed by it.
 - *lost*: files that are missing afterwards. *mixed*: files that are neither of the earlier bake nor of the new one.
 - *left behind*: files and folders beside the results after the rerun.
-- *status*: exit statuses that do not tell what happened.
+- *status*: exit statuses that do not tell what happened, and bakes that did not end within five minutes.
 - *rerun*: reruns that did not complete.
 
 """
@@ -82,6 +84,12 @@ class Score:
     told: list[str] = field(default_factory=list)
 
 
+def row_of(name: str, score: Score) -> tuple[str, ...]:
+    """Return the cells of a row of the table."""
+    counts = (score.runs, score.ended_well, score.lost, score.mixed, score.left, score.status, score.rerun)
+    return name, *map(str, counts)
+
+
 def start(out: Path, temporary: Path, epsilon: str, limit: int | None = None) -> Bake:
     temporary.mkdir(exist_ok=True, parents=True)
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(TREE), "--out", str(out), *FLAGS, epsilon]
@@ -103,8 +111,13 @@ def start(out: Path, temporary: Path, epsilon: str, limit: int | None = None) ->
 
 
 def wait(bake: Bake) -> tuple[int, str]:
-    """Return the exit status, and the last line on standard error."""
-    _, error = bake.process.communicate(timeout=300)
+    """Return the exit status, and the last line on standard error; `HUNG` if the bake does not end."""
+    try:
+        _, error = bake.process.communicate(timeout=300)
+    except subprocess.TimeoutExpired:
+        os.killpg(bake.process.pid, signal.SIGKILL)
+        bake.process.communicate()
+        return HUNG, "hung"
     return bake.process.returncode, (error.decode(errors="replace").strip().splitlines() or [""])[-1]
 
 
@@ -210,6 +223,7 @@ class Trial:
                 self.once(score, out, temporary, fault, limit)
             shutil.rmtree(folder, ignore_errors=True)
             print(f"{name}: {number + 1} of {times}; {score.told[-1]}", file=sys.stderr)
+        print(f"{name}: {row_of(name, score)}", file=sys.stderr)
         return score
 
     def once(self, score: Score, out: Path, temporary: Path, fault: Fault, limit: int | None) -> None:
@@ -240,7 +254,7 @@ class Trial:
             right = done or (vanished and bake.was_over) or both
         elif wanted is not None and not done:
             right = status in (wanted, 128 - wanted)  # A signal before the first lines of bake.py ends it as such.
-        score.status += (not right) + (bake.beside != 0)
+        score.status += (not right or status == HUNG) + (bake.beside != 0)
         self.rerun(score, out, temporary)
 
     def rerun(self, score: Score, out: Path, temporary: Path) -> None:
@@ -290,10 +304,7 @@ def main() -> None:
     trial = Trial(old, new, time.monotonic() - begin, scratch)
     scores = {name: trial.run(name, KINDS[name], options.times) for name in options.only or KINDS}
     shutil.rmtree(scratch, ignore_errors=True)
-    rows = [
-        (name, *(str(n) for n in (s.runs, s.ended_well, s.lost, s.mixed, s.left, s.status, s.rerun)))
-        for name, s in scores.items()
-    ]
+    rows = [row_of(name, score) for name, score in scores.items()]
     rows.append(("all", *(str(sum(int(row[i]) for row in rows)) for i in range(1, 8))))
     head = ("fault", "bakes", "ended well", "lost", "mixed", "left behind", "status", "rerun")
     table = "\n".join(["| " + " | ".join(row) + " |" for row in (head, ["---"] * 8, *rows)])

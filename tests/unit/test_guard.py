@@ -144,6 +144,26 @@ def test_a_bake_over_its_time_ends_in_one_line(start: Start) -> None:
     )
 
 
+def test_a_bake_without_address_space_ends_in_one_line() -> None:
+    """Python 3.11 tries for ever to note where an exception was raised, if it gets no memory for that."""
+    space = "import resource\nresource.setrlimit(resource.RLIMIT_AS, (400 << 20, 400 << 20))\n"
+    lines = """
+import ctypes, mmap
+sleep = ctypes.PyDLL(None).sleep
+held = []
+try:
+    while True:
+        held.append(mmap.mmap(-1, 1 << 16))
+except OSError:
+    sleep(100)
+"""
+    process = subprocess.run(
+        [sys.executable, "-c", space + IMPATIENT + lines], capture_output=True, text=True, timeout=60
+    )
+    assert (process.returncode, process.stderr.count("\n")) == (1, 1), process.stderr
+    assert "0.391 GiB of address space" in process.stderr
+
+
 def test_a_bake_that_replaces_files_is_not_killed(start: Start) -> None:
     assert ended(start("ending.commit()\ntime.sleep(2)\nending.leave(7)", "--minutes", "0.01")) == (7, "")
 
