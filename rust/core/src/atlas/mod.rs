@@ -130,6 +130,9 @@ impl Region {
     }
 }
 
+/// The polygon that is a billboard's whole region.
+const RECTANGLE: [DVec2; 4] = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+
 /// A plane's rectangle, its place on the page, and the polygons that are drawn of it.
 #[derive(Clone, Debug)]
 pub struct Billboard {
@@ -197,6 +200,14 @@ impl Atlas {
         Err(too_many(outlines.len(), settings.size))
     }
 
+    /// Returns the layout with the whole rectangle of each billboard as its only polygon.
+    #[must_use]
+    pub fn with_rectangles(&self) -> Self {
+        let mut whole = self.clone();
+        whole.billboards.iter_mut().for_each(|billboard| billboard.polygons = vec![RECTANGLE.to_vec()]);
+        whole
+    }
+
     fn build(planes: &[Plane], outlines: &[Outline], packed: &[Placed], density: f64, settings: AtlasSettings) -> Self {
         let billboards = packed.iter().map(|p| {
             let plane = planes[p.plane as usize];
@@ -207,7 +218,7 @@ impl Atlas {
                 plane: p.plane,
                 back: false,
                 corners,
-                polygons: vec![vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y]],
+                polygons: vec![RECTANGLE.to_vec()],
                 region: p.region,
             };
             if p.back { front.mirrored() } else { front }

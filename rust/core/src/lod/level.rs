@@ -7,11 +7,11 @@ use std::time::Instant;
 use super::billboards::{billboard_ranks, billboards};
 use super::cross;
 use super::references::References;
-use super::refine::{Refined, Refinement, Subject};
+use super::refine::Refined;
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
 use super::tight::{Shown, with_polygons};
-use super::{drawn, refine, tune};
+use super::{drawn, tune};
 use glam::DVec3;
 
 use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize, Region};
@@ -237,27 +237,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     tuning(0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
     let deviation = step.deviation + cloud.max_deviation();
-    let tight = |page: &Page, cutoff: f32| {
-        tightened(atlas.clone(), page, cutoff, deviation / finer.frame().radius, step.triangles, settings)
-    };
-    let tuned = Instant::now();
-    let (page, alpha_cutoff, refined) = if settings.refine == Refinement::Off || settings.blended {
-        (page, alpha_cutoff, None)
-    } else {
-        let subject = Subject {
-            leaves: step.leaves,
-            amounts: &step.references.tuning,
-            atlas: &atlas,
-            tight: &tight(&page, alpha_cutoff - refine::BAND),
-            frame: finer.frame(),
-            double_sided: !two_sided,
-            up: settings.up,
-        };
-        subject.refined(page, alpha_cutoff, settings.refine, progress.part(0.96, 0.98))?
-    };
-    let refine = if refined.is_some() { tuned.elapsed().as_secs_f64() } else { 0.0 };
-    tuning(0.98)?;
-    let atlas = tight(&page, alpha_cutoff);
+    let atlas = tightened(atlas, &page, alpha_cutoff, deviation / finer.frame().radius, step.triangles, settings);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let pictures = step.references.report.compare(&shown)?;
     let coverage = pictures.coverage();
@@ -270,7 +250,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         two_sided,
         ranks,
         mean_deviation: cloud.mean_deviation(finer),
-        refined,
+        refined: None,
         in_plane_motion: projection.in_plane_motion(finer, &cloud) * finer.frame().radius,
         max_deviation_leaves: deviation,
         coverage,
@@ -285,8 +265,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
             fit,
             pack: (packed - started).as_secs_f64() - fit - stretch,
             bake: (baked - packed).as_secs_f64(),
-            metrics: stretch + baked.elapsed().as_secs_f64() - refine,
-            refine,
+            metrics: stretch + baked.elapsed().as_secs_f64(),
+            refine: 0.0,
         },
         channel_seconds,
         engine: Arc::default(),

@@ -181,11 +181,8 @@ pub fn build_chain_of(
         let whole_leaves = if of_leaves { settings.fit.whole_leaves } else { fit.whole_leaves };
         let fit = FitSettings { whole_leaves, ..fit };
         let opacity = fit.opacity(finer);
-        if index == 0 && opacity.shows_nothing() {
-            return Err(Error::invalid(
-                "no leaf is visible: no texel reaches the alpha cutoff of its material, or an alpha of 0.02 where the material is \
-                 blended; check the alpha of the materials",
-            ));
+        if index == 0 {
+            check_visible(&opacity)?;
         }
         let mut step = level::Step {
             finer,
@@ -205,13 +202,18 @@ pub fn build_chain_of(
             || budget::of_first(settings, origin.finest, trunk.as_ref()),
             |finer| vec![budget::of_next(finer.atlas.triangles())],
         );
+        let found = 1.0 - settings.refine.share();
         let candidates = budgets.iter().enumerate().map(|(i, &triangles)| {
             step.triangles = triangles;
-            let done = |tries: usize| tries as f64 / budgets.len() as f64;
+            let done = |tries: usize| found * tries as f64 / budgets.len() as f64;
             level::build(&step, settings, share(index).part(done(i), done(i + 1)))
         });
         let before = Before { leaves: finer, trunk: trunk.as_ref() };
-        epsilon = made.add(candidates, &before, index + 1 == count, settings, share(index).part(1.0, 1.0))?;
+        let finer_levels = made.levels.len();
+        epsilon = made.add(candidates, &before, index + 1 == count, settings, share(index).part(found, found))?;
+        if made.levels.len() > finer_levels {
+            made.refine_last(|level| refine::refined(level, &step, settings, share(index).part(found, 1.0)))?;
+        }
     }
     let mut whole_tree = None;
     if settings.cross {
@@ -281,6 +283,16 @@ fn part_of_level(progress: Progress<'_>, index: usize, count: usize) -> Progress
 fn pivots(foliage: &Foliage) -> Vec<DVec3> {
     let pivots: Vec<DVec3> = leaf_pivots(foliage).into_iter().map(|pivot| foliage.frame().to_tree(pivot)).collect();
     foliage.leaf_ids().iter().map(|&leaf| pivots[leaf as usize]).collect()
+}
+
+fn check_visible(opacity: &Opacity) -> Result<()> {
+    if !opacity.shows_nothing() {
+        return Ok(());
+    }
+    Err(Error::invalid(
+        "no leaf is visible: no texel reaches the alpha cutoff of its material, or an alpha of 0.02 where the material is blended; check the \
+         alpha of the materials",
+    ))
 }
 
 /// Greatest distance of the trunk from the center of the leaves, in R of the leaves.

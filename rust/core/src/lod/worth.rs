@@ -66,6 +66,14 @@ impl Made {
         self.left_out.extend(cheapest);
         Ok(cheapest.and_then(|left_out| left_out.epsilon))
     }
+
+    /// Replaces the last level by a refined one.
+    pub fn refine_last(&mut self, refined: impl FnOnce(Level) -> Result<Level>) -> Result<()> {
+        if let Some(level) = self.levels.pop() {
+            self.levels.push(refined(level)?);
+        }
+        Ok(())
+    }
 }
 
 /// The level before another one, or the leaves, with the trunk.

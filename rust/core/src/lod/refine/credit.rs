@@ -1,6 +1,6 @@
 //! The credit of texels: what each contributes to the difference between the pictures of a level and those of its leaves.
 
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec4};
 
 use super::picture::{Target, at_both_scales, over_gray};
 use super::texels::Texels;
@@ -14,9 +14,7 @@ use crate::textures::Samples;
 pub struct Credit<T> {
     /// Index of the texel on the page.
     pub texel: u32,
-    /// Its weight.
-    pub weight: f32,
-    /// What should change, times the weight.
+    /// What should change, times the weight; the last component is the weight.
     pub value: T,
 }
 
@@ -24,9 +22,9 @@ pub struct Credit<T> {
 #[derive(Default)]
 pub struct Credits {
     /// Of colors: towards the leaves' color, in linear light.
-    pub colors: Vec<Credit<Vec3>>,
+    pub colors: Vec<Credit<Vec4>>,
     /// Of alpha: the fall of the squared error if the texel is drawn.
-    pub alpha: Vec<Credit<f32>>,
+    pub alpha: Vec<Credit<Vec2>>,
 }
 
 impl Credits {
@@ -65,7 +63,7 @@ impl Drawn {
             let rest = all[grid.pixel(index)];
             let change = |other: &Vec4| gain(over_gray(shown[index]), over_gray(texels.color_at(other)), rest, &grid);
             let mut credit = |point: &Vec4, value: f32| {
-                credits.alpha.push(Credit { texel: texels.nearest(point) as u32, weight: 1.0, value });
+                credits.alpha.push(Credit { texel: texels.nearest(point), value: Vec2::new(value, 1.0) });
             };
             if differs(&denser[index], point) {
                 credit(&denser[index], change(&denser[index]));
@@ -82,13 +80,9 @@ fn differs(a: &Vec4, b: &Vec4) -> bool {
     (a.x, a.y, a.w) != (b.x, b.y, b.w)
 }
 
-fn of_colors(texels: &Texels, grid: &Grid, here: &TexturePoints, colors: &[Vec4]) -> Vec<Credit<Vec3>> {
+fn of_colors(texels: &Texels, grid: &Grid, here: &TexturePoints, colors: &[Vec4]) -> Vec<Credit<Vec4>> {
     let visible = here.iter().enumerate().filter(|(_, point)| point.w > 0.0);
-    let credit = |(index, point): (usize, &Vec4)| {
-        let rest = colors[grid.pixel(index)];
-        Credit { texel: texels.nearest(point) as u32, weight: rest.w, value: rest.truncate() }
-    };
-    visible.map(credit).collect()
+    visible.map(|(index, point)| Credit { texel: texels.nearest(point), value: colors[grid.pixel(index)] }).collect()
 }
 
 /// Returns the fall of the squared error if a point shows `to` in place of `from`; `rest` is what the picture lacks there.

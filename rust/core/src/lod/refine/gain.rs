@@ -84,7 +84,8 @@ impl Gain {
         self.errors.iter().all(|(_, ratio)| *ratio <= 1.0) && self.mean() < other.mean()
     }
 
-    fn mean(&self) -> f64 {
+    /// Returns the mean over the sizes.
+    pub fn mean(&self) -> f64 {
         self.errors.iter().map(|(_, ratio)| ratio).sum::<f64>() / self.errors.len() as f64
     }
 }

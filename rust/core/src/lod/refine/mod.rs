@@ -24,6 +24,7 @@
 
 mod credit;
 mod gain;
+mod of_level;
 mod picture;
 mod texels;
 
@@ -44,6 +45,8 @@ use crate::geometry::Frame;
 use crate::metrics::{PICTURE_RADIUS, Reference, View, Views};
 use crate::progress::Progress;
 use crate::textures::{Page, Samples};
+
+pub(super) use of_level::refined;
 
 /// Effort of the refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -71,12 +74,21 @@ impl Named for Refinement {
 }
 
 impl Refinement {
+    /// Returns the share of a level's time that it takes, about.
+    pub(super) fn share(self) -> f64 {
+        match self {
+            Self::Off => 0.0,
+            Self::Short => 0.4,
+            Self::Long => 0.8,
+        }
+    }
+
     /// Returns rounds, steps of each round and views of each step.
     fn plan(self) -> Plan {
         match self {
             Self::Off => Plan { rounds: 0, steps: 0, views: 0 },
-            Self::Short => Plan { rounds: 1, steps: 3, views: 6 },
-            Self::Long => Plan { rounds: 4, steps: 4, views: 8 },
+            Self::Short => Plan { rounds: 1, steps: 5, views: 4 },
+            Self::Long => Plan { rounds: 4, steps: 6, views: 6 },
         }
     }
 }
@@ -132,7 +144,7 @@ fn turn_of(step: usize) -> f64 {
 }
 
 /// Range of alpha about the cutoff in which texels move in one step.
-pub const BAND: f32 = 0.12;
+pub const BAND: f32 = 0.2;
 
 impl Subject<'_> {
     /// Returns the page and the cutoff after refinement, with what changed; both unchanged if nothing became better.
@@ -141,40 +153,44 @@ impl Subject<'_> {
     /// No billboard has an area; [`crate::Error::Cancelled`].
     pub fn refined(
         &self,
-        page: Page,
+        page: &Page,
         cutoff: f32,
         effort: Refinement,
         progress: Progress,
-    ) -> Result<(Page, f32, Option<Refined>)> {
+    ) -> Result<(Page, f32, Refined)> {
         let Plan { rounds, steps, views } = effort.plan();
-        if rounds == 0 {
-            return Ok((page, cutoff, None));
-        }
-        let size = self.size();
         progress.tell("refine", 0.0)?;
+        let size = self.size();
         let tests = TestViews::new(self.leaves, self.views(gain::VIEWS, size, TEST_TURN)?)?;
-        let first = tests.errors(&self.shown(&page, cutoff)?)?;
+        let first = tests.errors(&self.shown(page, cutoff)?)?;
         let mut best = (page.clone(), cutoff, Gain::none(&first));
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
-            progress.tell("refine", step as f64 / (rounds * steps) as f64)?;
+            let stage = format!("refine (error {:.0} %)", 100.0 * best.2.mean());
+            progress.tell(&stage, step as f64 / (rounds * steps) as f64)?;
             let views = self.views(views, size, turn_of(step))?;
-            let credits = self.credits(&page, &texels, cutoff, &views)?;
-            texels.move_by(&credits, self.atlas, Rates::of_step(step));
+            let credits = self.credits(page, &texels, cutoff, &views)?;
+            texels.move_by(&credits, Rates::of_step(step));
             if (step + 1) % steps == 0 {
-                let mut other = Page { base_color: texels.page(), ..page.clone() };
-                let matched = tune::matched(cutoff, self.atlas, &other, self.frame, self.double_sided, self.amounts)?;
-                texels.scale(self.amounts.tone(&self.shown(&other, matched)?)?);
-                other.base_color = texels.page();
-                let gain = Gain::over(&first, &tests.errors(&self.shown(&other, matched)?)?);
+                let (page, cutoff) = self.balanced(page, &mut texels, cutoff)?;
+                let gain = Gain::over(&first, &tests.errors(&self.shown(&page, cutoff)?)?);
                 if gain.is_better_than(&best.2) {
-                    best = (other, matched, gain);
+                    best = (page, cutoff, gain);
                 }
             }
         }
         progress.tell("refine", 1.0)?;
         let (page, cutoff, gain) = best;
-        Ok((page, cutoff, Some(Refined { errors: gain.errors })))
+        Ok((page, cutoff, Refined { errors: gain.errors }))
+    }
+
+    /// Returns a page with the texels and its cutoff, both with the coverage and the mean color of the leaves.
+    fn balanced(&self, page: &Page, texels: &mut Texels, cutoff: f32) -> Result<(Page, f32)> {
+        let with = |texels: &Texels| Page { base_color: texels.page(), ..page.clone() };
+        let moved = with(texels);
+        let cutoff = tune::matched(cutoff, self.atlas, &moved, self.frame, self.double_sided, self.amounts)?;
+        texels.scale(self.amounts.tone(&self.shown(&moved, cutoff)?)?);
+        Ok((with(texels), cutoff))
     }
 
     /// Returns the side of the pictures: a texel is about a pixel.

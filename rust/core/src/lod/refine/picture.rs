@@ -1,7 +1,8 @@
 //! Pictures for refinement: linear light, and codes over gray, both with alpha beside them.
 
+use std::ops::AddAssign;
+
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
 use crate::color::{decode_table, encode};
 use crate::error::Result;
@@ -45,29 +46,28 @@ impl Target {
 const RADIUS: usize = 2;
 pub const BLOCK_WEIGHT: f32 = 8.0;
 
-/// Returns a square picture plus its means over blocks, weighted, and divided by the sum of the weights.
+/// Returns a square picture plus its means over blocks, weighted, and divided by the sum of the weights. Beyond the edges nothing differs.
 pub fn at_both_scales(picture: &[Vec4], size: usize) -> Vec<Vec4> {
-    let mut blocks = picture.to_vec();
-    for _ in 0..2 {
-        blocks = means(&means(&blocks, size, 1), size, size);
-    }
-    let mixed = |(own, block): (&Vec4, Vec4)| (*own + block * BLOCK_WEIGHT) / (1.0 + BLOCK_WEIGHT);
+    let count = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
+    let blocks = box_sums(&box_sums(picture, size, RADIUS), size, RADIUS);
+    let mixed = |(own, block): (&Vec4, Vec4)| (*own + block * (BLOCK_WEIGHT / count / count)) / (1.0 + BLOCK_WEIGHT);
     picture.iter().zip(blocks).map(mixed).collect()
 }
 
-/// Returns means of `2 · RADIUS + 1` pixels along an axis; beyond the edges nothing differs.
-fn means(picture: &[Vec4], size: usize, stride: usize) -> Vec<Vec4> {
-    let count = (2 * RADIUS + 1) as f32;
-    sums(picture, size, stride, RADIUS).into_iter().map(|sum| sum / count).collect()
-}
-
-/// Returns the sum of the `2 · reach + 1` values around each value, along an axis of `length` values with this stride.
-pub fn sums(values: &[Vec4], length: usize, stride: usize, reach: usize) -> Vec<Vec4> {
-    let sum = |index: usize| {
-        let place = index / stride % length;
-        let (first, last) = (place.saturating_sub(reach), (place + reach).min(length - 1));
-        let start = index - place * stride;
-        (first..=last).map(|i| values[start + i * stride]).sum()
-    };
-    (0..values.len()).into_par_iter().with_min_len(1 << 12).map(sum).collect()
+/// Returns the sums over the squares of `2 · reach + 1` values around each value, in rows of this width.
+pub fn box_sums<T: Copy + Default + AddAssign>(values: &[T], width: usize, reach: usize) -> Vec<T> {
+    let mut along = vec![T::default(); values.len()];
+    for (row, sums) in values.chunks_exact(width).zip(along.chunks_exact_mut(width)) {
+        for (place, sum) in sums.iter_mut().enumerate() {
+            row[place.saturating_sub(reach)..(place + reach + 1).min(width)].iter().for_each(|&value| *sum += value);
+        }
+    }
+    let mut all = vec![T::default(); values.len()];
+    for (number, sums) in all.chunks_exact_mut(width).enumerate() {
+        let first = number.saturating_sub(reach);
+        for row in along.chunks_exact(width).skip(first).take(number + reach + 1 - first) {
+            sums.iter_mut().zip(row).for_each(|(sum, &value)| *sum += value);
+        }
+    }
+    all
 }

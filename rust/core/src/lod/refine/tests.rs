@@ -1,7 +1,9 @@
 use glam::{DVec3, Vec2, Vec4};
 
+use super::credit::Credit;
 use super::*;
 use crate::Error;
+use crate::atlas::Region;
 use crate::fit::FitSettings;
 use crate::foliage::{Attributes, Image, Material};
 use crate::lod::{ChainSettings, Level, build_chain};
@@ -170,10 +172,35 @@ fn unmoved_texels_stay_as_they_are_baked() {
 }
 
 #[test]
+fn a_step_moves_few_texels_over_the_cutoff() {
+    let foliage = bush(150);
+    let level = level(&foliage, Refinement::Off);
+    let cutoff = level.alpha_cutoff;
+    let mut texels = Texels::of(&level.page.base_color, &level.atlas, cutoff);
+    let drawn =
+        |texels: &Texels| texels.widened().pixels().iter().filter(|p| f32::from(p[3]) / 255.0 >= cutoff).count();
+    // All texels would better vanish.
+    let side = level.page.base_color.width();
+    let of_region =
+        |r: Region| (r.y..r.y + r.height).flat_map(move |y| (r.x..r.x + r.width).map(move |x| y * side + x));
+    let credit = |texel: usize| Credit { texel: texel as u32, value: Vec2::new(-1.0, 1.0) };
+    let alpha = level.atlas.regions().flat_map(of_region).map(credit).collect();
+    let credits = Credits { alpha, ..Credits::default() };
+    let mut before = drawn(&texels);
+    for step in 0..8 {
+        texels.move_by(&credits, Rates::of_step(step));
+        let after = drawn(&texels);
+        assert!(after < before, "step {step}");
+        assert!((before - after) as f64 <= 0.07 * before as f64, "step {step}: {before} to {after}");
+        before = after;
+    }
+}
+
+#[test]
 fn sums_along_both_axes_are_those_of_the_definition() {
     let (width, height, reach) = (7usize, 4usize, 2usize);
     let values: Vec<Vec4> = (0..width * height).map(|i| Vec4::splat((i * i % 11) as f32)).collect();
-    let found = picture::sums(&picture::sums(&values, width, 1, reach), height, width, reach);
+    let found = picture::box_sums(&values, width, reach);
     for (index, sum) in found.iter().enumerate() {
         let near = |other: &usize| {
             (other % width).abs_diff(index % width) <= reach && (other / width).abs_diff(index / width) <= reach

@@ -1,10 +1,10 @@
 //! The texels of a page while it is refined.
 
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::credit::{Credit, Credits};
-use super::picture::{light, sums};
+use super::picture::{box_sums, light};
 use crate::atlas::{Atlas, Region};
 use crate::color::{encode, quantise};
 use crate::foliage::Image;
@@ -14,10 +14,14 @@ use crate::groups::Groups;
 pub struct Texels {
     width: usize,
     height: usize,
+    fields: Vec<Field>,
+    /// The billboard of each texel; their number where there is none.
+    owners: Vec<u32>,
     /// Straight colors, and alpha.
     values: Vec<Vec4>,
-    /// The colors at the start.
-    start: Vec<Vec3>,
+    /// The page at the start, and the factors on its colors since.
+    start: Image,
+    factors: Vec3,
     /// The cutoff at the start, and the factors by which differences of alpha from it are smaller than on the page.
     cutoff: f32,
     slopes: Vec<f32>,
@@ -28,15 +32,15 @@ pub struct Texels {
 pub struct Rates {
     /// Share of the way to the color that the leaves have.
     color: f32,
-    /// Greatest change of alpha.
-    alpha: f32,
+    /// Share of the drawn texels that appear or vanish.
+    edges: f32,
 }
 
 impl Rates {
     /// Returns rates that fall with the steps, so that the steps come to rest although each has other views.
     pub fn of_step(step: usize) -> Self {
         let slower = 1.0 / (1.0 + 0.25 * step as f32);
-        Self { color: 0.8 * slower, alpha: 0.1 * slower }
+        Self { color: 0.8 * slower, edges: 0.06 * slower }
     }
 }
 
@@ -53,20 +57,27 @@ const FAINT: f32 = 0.01;
 /// Share of the difference between alpha and the cutoff that stays at an edge.
 const AT_EDGES: f32 = 0.1;
 
+/// Greatest change of alpha in a step.
+const MOST: f32 = 0.3;
+
+/// Rates of alpha to choose from, as shares of [`MOST`].
+const CHOICES: usize = 64;
+
 impl Texels {
     /// Returns the texels of a page, with the edges of its leaves widened: the less alpha differs from the cutoff, the nearer an edge is.
     /// Outlines stay, because they are where there is no difference. So edges can move by several texels, as with textures of distances
     /// (Green, "Improved Alpha-Tested Magnification for Vector Textures and Special Effects", 2007).
     pub fn of(image: &Image, atlas: &Atlas, cutoff: f32) -> Self {
-        let values: Vec<Vec4> = image.pixels().iter().copied().map(light).collect();
-        let start = values.iter().map(|texel| texel.truncate()).collect();
+        let (width, height) = (image.width(), image.height());
+        let fields: Vec<Field> = atlas.regions().map(|region| Field { region, width }).collect();
+        let owners = owners(&fields, width * height);
+        let values: Vec<Vec4> = image.pixels().par_iter().copied().map(light).collect();
         let slopes = vec![1.0; values.len()];
-        let mut page = Self { width: image.width(), height: image.height(), values, start, cutoff, slopes };
-        let fields = atlas.regions().map(|region| Field { region, width: page.width }).collect::<Vec<_>>();
-        let slopes: Vec<Vec<f32>> = fields.par_iter().map(|field| page.slopes(field)).collect();
-        for (field, slopes) in fields.iter().zip(slopes) {
-            for (place, slope) in slopes.into_iter().enumerate() {
-                let texel = field.texel(place);
+        let (start, factors) = (image.clone(), Vec3::ONE);
+        let mut page = Self { width, height, fields, owners, values, start, factors, cutoff, slopes };
+        let slopes: Vec<Vec<f32>> = page.fields.par_iter().map(|field| page.slopes(field)).collect();
+        for (field, slopes) in page.fields.iter().zip(slopes) {
+            for (texel, slope) in field.texels().zip(slopes) {
                 page.slopes[texel] = slope;
                 page.values[texel].w = cutoff + (page.values[texel].w - cutoff) * slope;
             }
@@ -76,46 +87,45 @@ impl Texels {
 
     /// Returns the slopes of a billboard's alpha: small near edges, 1 far from them.
     fn slopes(&self, field: &Field) -> Vec<f32> {
-        let Region { width, height, .. } = field.region;
-        // The share of drawn texels around a texel, with the number of all.
-        let is_drawn = |place: usize| f32::from(u8::from(self.values[field.texel(place)].w >= self.cutoff));
-        let mut drawn: Vec<Vec4> = (0..width * height).map(|place| Vec4::new(is_drawn(place), 0.0, 0.0, 1.0)).collect();
+        // The number of drawn texels around a texel, with the number of all.
+        let is_drawn = |texel: usize| f32::from(u8::from(self.values[texel].w >= self.cutoff));
+        let mut drawn: Vec<Vec2> = field.texels().map(|texel| Vec2::new(is_drawn(texel), 1.0)).collect();
         for _ in 0..2 {
-            drawn = around(&drawn, width, height);
+            drawn = box_sums(&drawn, field.region.width, REACH);
         }
-        let slope = |drawn: &Vec4| AT_EDGES + (1.0 - AT_EDGES) * (2.0 * drawn.x / drawn.w - 1.0).abs();
+        let slope = |drawn: &Vec2| AT_EDGES + (1.0 - AT_EDGES) * (2.0 * drawn.x / drawn.y - 1.0).abs();
         drawn.iter().map(slope).collect()
     }
 
     /// Multiplies all colors. Rounded to codes, colors keep their mean only if they vary in fractions of a code, as these do.
     pub fn scale(&mut self, factors: Vec3) {
         self.values.par_iter_mut().for_each(|texel| *texel *= factors.extend(1.0));
-        self.start.par_iter_mut().for_each(|start| *start *= factors);
+        self.factors *= factors;
     }
 
-    /// Returns the image with widened edges, for drawing the steps.
+    /// Returns an image of alpha alone, with widened edges.
     pub fn widened(&self) -> Image {
-        self.image(|_, alpha| alpha)
+        self.image(|_, texel| [0, 0, 0, quantise(texel.w)])
     }
 
     /// Returns the page's image, with edges as steep as they were at the start.
     pub fn page(&self) -> Image {
-        self.image(|texel, alpha| self.cutoff + (alpha - self.cutoff) / self.slopes[texel])
+        self.image(|index, texel| {
+            let alpha = self.cutoff + (texel.w - self.cutoff) / self.slopes[index];
+            [encode(texel.x), encode(texel.y), encode(texel.z), quantise(alpha)]
+        })
     }
 
-    fn image(&self, alpha: impl Fn(usize, f32) -> f32 + Sync) -> Image {
-        let pixel = |(index, texel): (usize, &Vec4)| {
-            [encode(texel.x), encode(texel.y), encode(texel.z), quantise(alpha(index, texel.w))]
-        };
-        let pixels: Vec<[u8; 4]> = self.values.par_iter().enumerate().map(pixel).collect();
+    fn image(&self, pixel: impl Fn(usize, &Vec4) -> [u8; 4] + Sync) -> Image {
+        let pixels: Vec<[u8; 4]> = self.values.par_iter().enumerate().map(|(i, texel)| pixel(i, texel)).collect();
         Image::new(self.width, self.height, pixels).expect("as many texels as before")
     }
 
     /// Returns the index of the texel at a point.
-    pub fn nearest(&self, point: &Vec4) -> usize {
+    pub fn nearest(&self, point: &Vec4) -> u32 {
         let column = (point.x * self.width as f32) as usize;
         let row = ((1.0 - point.y) * self.height as f32) as usize;
-        row.min(self.height - 1) * self.width + column.min(self.width - 1)
+        (row.min(self.height - 1) * self.width + column.min(self.width - 1)) as u32
     }
 
     /// Returns the color at a point, between its four texels, with 1; zeros where nothing is drawn.
@@ -133,70 +143,88 @@ impl Texels {
     }
 
     /// Moves the texels of all billboards.
-    pub fn move_by(&mut self, credits: &Credits, atlas: &Atlas, rates: Rates) {
-        let owners = self.owners(atlas);
-        let colors = grouped(&credits.colors, &owners, atlas.billboards.len());
-        let alpha = grouped(&credits.alpha, &owners, atlas.billboards.len());
+    pub fn move_by(&mut self, credits: &Credits, rates: Rates) {
+        let colors = self.grouped(&credits.colors);
+        let alpha = self.grouped(&credits.alpha);
         let usual = mean_credit(&credits.alpha);
-        let moved = |(number, region): (usize, Region)| {
-            let field = Field { region, width: self.width };
-            let colors = field.sums(colors.get(number).iter().map(|&i| credits.colors[i as usize]));
-            let of_alpha = |credit: &Credit<f32>| Credit {
-                texel: credit.texel,
-                weight: credit.weight,
-                value: Vec3::splat(credit.value),
-            };
-            let alpha = field.sums(alpha.get(number).iter().map(|&i| of_alpha(&credits.alpha[i as usize])));
-            let texel = |(place, (color, alpha)): (usize, (Vec4, Vec4))| {
-                let index = field.texel(place);
-                self.moved(index, color, alpha, usual, rates)
-            };
-            (field, colors.into_iter().zip(alpha).enumerate().map(texel).collect::<Vec<Vec4>>())
+        let step = |(number, field): (usize, &Field)| {
+            let colors = field.sums(&credits.colors, colors.get(number));
+            let alpha = field.sums(&credits.alpha, alpha.get(number));
+            let both = field.texels().zip(colors.into_iter().zip(alpha));
+            both.map(|(texel, (color, alpha))| self.step(texel, color, alpha, usual, rates)).collect::<Vec<Vec4>>()
         };
-        let regions: Vec<(usize, Region)> = atlas.regions().enumerate().collect();
-        let all: Vec<_> = regions.into_par_iter().map(moved).collect();
-        for (field, moved) in all {
-            for (place, texel) in moved.into_iter().enumerate() {
-                self.values[field.texel(place)] = texel;
+        let steps: Vec<Vec<Vec4>> = self.fields.par_iter().enumerate().map(step).collect();
+        let most = self.alpha_rate(&steps, rates.edges);
+        for (field, steps) in self.fields.iter().zip(steps) {
+            for (texel, step) in field.texels().zip(steps) {
+                let value = &mut self.values[texel];
+                // A texel without alpha stays so: gutters, and places far from all leaves.
+                let alpha = if value.w > 0.0 { (value.w + most * step.w).clamp(1.0 / 255.0, 1.0) } else { 0.0 };
+                *value = step.truncate().extend(alpha);
             }
         }
     }
 
-    /// Returns a texel after a step; `color` and `alpha` are sums of credits with their weights.
-    fn moved(&self, index: usize, color: Vec4, alpha: Vec4, usual: f32, rates: Rates) -> Vec4 {
-        let (texel, start) = (self.values[index], self.start[index]);
+    /// Returns a texel's color after a step, and the direction of its alpha, from -1 to 1. `color` and `alpha` are sums of credits with
+    /// their weights.
+    fn step(&self, texel: usize, color: Vec4, alpha: Vec2, usual: f32, rates: Rates) -> Vec4 {
+        let start = light(self.start.pixels()[texel]).truncate() * self.factors;
         let step = color.truncate() / (color.w + PRIOR) * rates.color;
         let brightest = (start * FARTHEST + FAINT).min(Vec3::ONE);
-        let rgb = (texel.truncate() + step).clamp(start / FARTHEST, brightest);
-        let mean = alpha.x / (alpha.w + PRIOR);
-        let change = rates.alpha * mean / (mean.abs() + usual).max(f32::MIN_POSITIVE);
-        // A texel without alpha stays so: gutters, and places far from all leaves.
-        let w = if texel.w > 0.0 { (texel.w + change).clamp(1.0 / 255.0, 1.0) } else { 0.0 };
-        rgb.extend(w)
+        let rgb = (self.values[texel].truncate() + step).clamp((start / FARTHEST).min(brightest), brightest);
+        let mean = alpha.x / (alpha.y + PRIOR);
+        rgb.extend(mean / (mean.abs() + usual).max(f32::MIN_POSITIVE))
     }
 
-    /// Returns the billboard of each texel.
-    fn owners(&self, atlas: &Atlas) -> Vec<u32> {
-        let mut owners = vec![u32::MAX; self.values.len()];
-        for (number, region) in atlas.regions().enumerate() {
-            for row in region.y..region.y + region.height {
-                owners[row * self.width + region.x..][..region.width].fill(number as u32);
+    /// Returns the change of alpha at which a share of the drawn texels appear or vanish, at most [`MOST`]: leaves on cards have much more
+    /// edges than modelled ones, and the same change moves many more of their texels.
+    fn alpha_rate(&self, steps: &[Vec<Vec4>], share: f32) -> f32 {
+        let of_field = |(field, steps): (&Field, &Vec<Vec4>)| {
+            let (mut drawn, mut moved) = (0u32, [0u32; CHOICES]);
+            for (texel, step) in field.texels().zip(steps) {
+                let lack = self.cutoff - self.values[texel].w;
+                drawn += u32::from(lack <= 0.0);
+                // The rate at which the texel changes sides.
+                let rate = lack / (MOST * step.w);
+                if rate > 0.0 && rate < 1.0 && self.values[texel].w > 0.0 {
+                    moved[(rate * CHOICES as f32) as usize] += 1;
+                }
             }
-        }
-        owners
+            (drawn, moved)
+        };
+        let all: Vec<(u32, [u32; CHOICES])> = self.fields.par_iter().zip(steps).map(of_field).collect();
+        let drawn: u64 = all.iter().map(|(drawn, _)| u64::from(*drawn)).sum();
+        let mut most = (f64::from(share) * drawn as f64) as u64;
+        let of_choice = |choice: usize| all.iter().map(|(_, moved)| u64::from(moved[choice])).sum::<u64>();
+        let fits = |choice: &usize| {
+            let moved = of_choice(*choice);
+            let fits = moved <= most;
+            most = most.saturating_sub(moved);
+            fits
+        };
+        let choices = (0..CHOICES).take_while(fits).count();
+        MOST * choices.max(1) as f32 / CHOICES as f32
+    }
+
+    /// Returns the credits of each billboard.
+    fn grouped<T>(&self, credits: &[Credit<T>]) -> Groups {
+        let owners: Vec<u32> = credits.iter().map(|credit| self.owners[credit.texel as usize]).collect();
+        Groups::by_key(&owners, self.fields.len() + 1)
     }
 }
 
-/// Returns the credits of each billboard.
-fn grouped<T>(credits: &[Credit<T>], owners: &[u32], billboards: usize) -> Groups {
-    // The rim of a polygon may touch a texel of the gutter.
-    let owner = |credit: &Credit<T>| owners[credit.texel as usize].min(billboards as u32);
-    Groups::by_key(&credits.iter().map(owner).collect::<Vec<u32>>(), billboards + 1)
+/// Returns the billboard of each texel. The rim of a polygon may touch a texel of the gutter, which belongs to none.
+fn owners(fields: &[Field], texels: usize) -> Vec<u32> {
+    let mut owners = vec![fields.len() as u32; texels];
+    for (number, field) in fields.iter().enumerate() {
+        field.texels().for_each(|texel| owners[texel] = number as u32);
+    }
+    owners
 }
 
 /// Returns the mean absolute credit.
-fn mean_credit(credits: &[Credit<f32>]) -> f32 {
-    let sum: f64 = credits.iter().map(|credit| f64::from(credit.value.abs())).sum();
+fn mean_credit(credits: &[Credit<Vec2>]) -> f32 {
+    let sum: f64 = credits.iter().map(|credit| f64::from(credit.value.x.abs())).sum();
     (sum / credits.len().max(1) as f64) as f32
 }
 
@@ -209,25 +237,21 @@ struct Field {
 }
 
 impl Field {
-    /// Returns the index on the page of a texel with this index in the field.
-    fn texel(&self, place: usize) -> usize {
-        let Region { x, y, width, .. } = self.region;
-        (y + place / width) * self.width + x + place % width
-    }
-
-    /// Returns the sums of values and weights around each texel.
-    fn sums(&self, credits: impl Iterator<Item = Credit<Vec3>>) -> Vec<Vec4> {
+    /// Returns the indices of the texels on the page, row by row.
+    fn texels(self) -> impl Iterator<Item = usize> {
         let Region { x, y, width, height } = self.region;
-        let mut own = vec![Vec4::ZERO; width * height];
-        for Credit { texel, weight, value } in credits {
-            let (column, row) = (texel as usize % self.width - x, texel as usize / self.width - y);
-            own[row * width + column] += value.extend(weight);
-        }
-        around(&own, width, height)
+        (y..y + height).flat_map(move |row| (row * self.width + x..).take(width))
     }
-}
 
-/// Returns the sums over the squares of texels around each texel, in a field of this width and height.
-fn around(values: &[Vec4], width: usize, height: usize) -> Vec<Vec4> {
-    sums(&sums(values, width, 1, REACH), height, width, REACH)
+    /// Returns the sums of the credits with these indices around each texel.
+    fn sums<T: Copy + Default + std::ops::AddAssign>(self, credits: &[Credit<T>], indices: &[u32]) -> Vec<T> {
+        let Region { x, y, width, height } = self.region;
+        let mut own = vec![T::default(); width * height];
+        for &index in indices {
+            let Credit { texel, value } = credits[index as usize];
+            let (column, row) = (texel as usize % self.width - x, texel as usize / self.width - y);
+            own[row * width + column] += value;
+        }
+        box_sums(&own, width, REACH)
+    }
 }

@@ -1,0 +1,45 @@
+//! The refinement of a finished level: its textures change, and with them its polygons and its figures.
+
+use std::time::Instant;
+
+use super::{BAND, Refinement, Subject};
+use crate::error::Result;
+use crate::lod::billboards::billboards;
+use crate::lod::level::{Level, Step, tightened};
+use crate::lod::settings::ChainSettings;
+use crate::lod::tune;
+use crate::progress::Progress;
+
+/// Returns the level after refinement. It is unchanged without one, or if alpha is coverage.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
+    if settings.refine == Refinement::Off || level.alpha_cutoff == 0.0 {
+        return Ok(level);
+    }
+    let started = Instant::now();
+    let whole = level.atlas.with_rectangles();
+    let tight = |cutoff: f32, level: &Level| {
+        let deviation = level.max_deviation_leaves / level.frame.radius;
+        tightened(whole.clone(), &level.page, cutoff, deviation, step.triangles, settings)
+    };
+    let subject = Subject {
+        leaves: step.leaves,
+        amounts: &step.references.tuning,
+        atlas: &whole,
+        tight: &tight(level.alpha_cutoff - BAND, &level),
+        frame: &level.frame,
+        double_sided: !level.two_sided,
+        up: settings.up,
+    };
+    let (page, alpha_cutoff, refined) = subject.refined(&level.page, level.alpha_cutoff, settings.refine, progress)?;
+    let mut level = Level { page, alpha_cutoff, refined: Some(refined), ..level };
+    level.atlas = tight(alpha_cutoff, &level);
+    let shown = billboards(&level.atlas, &level.frame, level.page.material(alpha_cutoff, !level.two_sided))?;
+    level.pictures = step.references.report.compare(&shown)?;
+    level.coverage = level.pictures.coverage();
+    tune::check_shown(level.coverage, &level.page, alpha_cutoff)?;
+    level.seconds.refine = started.elapsed().as_secs_f64();
+    Ok(level)
+}
