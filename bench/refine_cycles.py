@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import sys
 import tempfile
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import flight
 import numpy as np
 import relit
-from fidelity import LEVELS, ROOT, Pictures, run
+from fidelity import LEVELS, ROOT, Pictures, flip, rendered, run, smaller
 from flat_views import bounding_sphere
 from refine_checks import REFINED
 from refine_levels import LARGEST, Subject, errors, fans
@@ -26,6 +27,8 @@ EFFORTS = ("off", *REFINED)
 GRID = 4
 """Samples along a pixel's side in the largest pictures; in smaller ones more."""
 VIEWS = 8
+SUN_SAMPLES = 8
+"""Samples along a pixel's side under suns, by the metrics."""
 WAYS = ("normals", "self-shadowed")
 """Ways of bench/relit.py."""
 
@@ -73,7 +76,10 @@ def compare(subject: Subject) -> dict[str, Any]:
 
 
 def compare_under_suns(subject: Subject) -> dict[str, Any]:
-    """Measure the luminance errors of level 1 with each effort as bench/relit.py does, by way."""
+    """Measure level 1 with each effort under the suns of bench/relit.py.
+
+    In Cycles its luminance errors by way, with white leaves. By the metrics FLIP at two sizes, with the leaves' colors.
+    """
     shape = ("--max-billboards", subject.billboards, "--texture-size", LEVELS["level 1"])
     found = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -86,7 +92,23 @@ def compare_under_suns(subject: Subject) -> dict[str, Any]:
         for name, blend in blends.items():
             seen = {way: relit.seen(blend, way, frame, folder) for way in WAYS}
             found[name] = {way: [relit.error(base, other, times) for times in (1, 4)] for way, other in seen.items()}
+    for name, errors_of_colors in colors_under_suns(subject).items():
+        found[name]["colors"] = errors_of_colors
     return found
+
+
+def colors_under_suns(subject: Subject) -> dict[str, list[float]]:
+    """Return FLIP at relit.SIZE and a quarter of it, by effort: the mean over the suns, by the metrics."""
+    found: dict[str, list[list[float]]] = {name: [] for name in EFFORTS}
+    for azimuth, height in relit.SUNS:
+        flat = math.cos(height)
+        sun = (math.cos(azimuth) * flat, math.sin(azimuth) * flat, math.sin(height))
+        leaves = rendered(subject.base, [subject.base], relit.SIZE, SUN_SAMPLES, sun)
+        for name in EFFORTS:
+            shown = subject.level(f"{name}, with normals").level.foliage()
+            level = rendered(subject.base, [shown], relit.SIZE, SUN_SAMPLES, sun)
+            found[name].append([flip(smaller(leaves, times), smaller(level, times)) for times in (1, 4)])
+    return {name: np.mean(errors, axis=0).tolist() for name, errors in found.items()}
 
 
 def fly_past(subject: Subject) -> dict[str, Any]:

@@ -43,6 +43,8 @@ ABLATION: dict[str, dict[str, Any]] = {
     "long, planes": {"refine": "long", "refine_parts": ("planes",)},
     "long, a quarter": {"refine": "long", "texture_size": LEVELS["a quarter"]},
 }
+LIT: dict[str, dict[str, Any]] = {f"{effort}, with normals": {**more, "normals": 0.0} for effort, more in BAKES.items()}
+"""Levels for light: with normals that are not bent."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Subject:
         return rendered(self.base, [shown], LARGEST, SAMPLES)
 
     def level(self, name: str) -> Built:
-        """Build level 1 as named in BAKES or ABLATION."""
+        """Build level 1 as named in BAKES, ABLATION or LIT."""
         if name not in self.built:
             options: dict[str, Any] = {
                 "max_billboards": self.billboards,
@@ -97,7 +99,7 @@ class Subject:
                 "back_sides": False,
                 "levels": 1,
                 "cross": False,
-                **{**BAKES, **ABLATION}[name],
+                **{**BAKES, **ABLATION, **LIT}[name],
             }
             chain = leafcloud.build_chain(self.base, **options)
             self.built[name] = Built(chain.clouds[0], chain.seconds)

@@ -54,9 +54,9 @@ The same levels and views in Cycles, flat-lit, with 4 × 4 samples in each pixel
 
 SUNS = """## Under suns
 
-The luminance error under 6 suns, from 4 views each, by normals alone and with self-shadowing textures, as in
-[relit.md](relit.md): at 128², and of the same pictures at 32². `make bench-refine ARGS=--suns`. Leaves are white
-there, so only their outlines count."""
+Level 1 under 6 suns: at 128², and of the same pictures at 32². `make bench-refine ARGS=--suns`. *normals*,
+*self-shadowed*: the luminance error in Cycles from 4 views, as in [relit.md](relit.md). Leaves are white there, so only
+their outlines count. *colors*: FLIP by the metrics from 8 views, with the leaves' colors, normals and shadows."""
 
 HAND_OVERS = """## Hand-overs
 
