@@ -12,8 +12,8 @@ the .blend file and of the GLB file. Level 1 is built with `refine` `off`, `shor
 --cycles: compare in Cycles, too. --suns: under six suns in Cycles. --flight: on a flight past all levels in Cycles.
 
 Each result goes into docs/bench/refine.json immediately, with the measured commit and the seconds that it took;
-docs/bench/refine.md shows them (bench/refine_tables.py). Results of the current commit are kept, so that a run goes on
-where it was interrupted; --again measures them anew. The status is 1 if a refined level is worse than before at any
+docs/bench/refine.md shows them (bench/refine_tables.py). Results of the same code are kept, so that a run goes on where
+it was interrupted; --again measures them anew. The status is 1 if a refined level is worse than before at any
 size, or has another coverage than the leaves (bench/refine_checks.py).
 """
 
@@ -29,8 +29,8 @@ from typing import Any
 
 import numpy as np
 import refine_cycles
-from commits import measured_commit
-from fidelity import FOLIAGE, ROOT, TREE_LIMIT, digest, flip, rendered, run, smaller, triangles
+from commits import is_current, measured_commit
+from fidelity import FOLIAGE, ROOT, TREE_LIMIT, flip, rendered, run, smaller, triangles
 from numpy.typing import NDArray
 from refine_checks import failures, summary
 from refine_levels import ABLATION, BAKES, LARGEST, SAMPLES, Subject, errors, file_size, for_engines
@@ -61,6 +61,7 @@ def measure_levels(subject: Subject) -> Row:
             **errors(seen, pictures[name]),
             "seconds": seconds,
             "refine": level.seconds["refine"],
+            "billboards": len(level.plane_ids),
             "engine": errors(seen, subject.pictures(for_engines(level, halved))),
             "hand_over": flip(collapsed, smaller(pictures[name], 2)),
         }
@@ -104,11 +105,9 @@ def over_gray(picture: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def unseen_trees() -> list[Path]:
-    """Return the files of the trees that no setting was chosen by; make them first."""
-    scripts = [ROOT / "bench" / f"{name}.py" for name in ("unseen_trees", "plants")]
-    folder = ROOT / "target" / f"unseen-{digest(*scripts)}"
-    if not folder.is_dir():
-        run(sys.executable, scripts[0], folder)
+    """Make the trees that no setting was chosen by; return their files."""
+    folder = ROOT / "target" / "unseen"
+    run(sys.executable, ROOT / "bench" / "unseen_trees.py", folder)
     return sorted(folder.glob("*.glb"))
 
 
@@ -133,12 +132,11 @@ def keep(rows: dict[str, Row]) -> list[Row]:
 
 
 def measure(tree: Path, parts: list[str], rows: dict[str, Row], *, again: bool) -> None:
-    """Measure the parts of a tree that have no result of the current commit, and write each."""
+    """Measure the parts of a tree that have no result of the same code, and write each."""
     subject, commit = Subject(tree), measured_commit()
     row = rows.get(tree.stem, {"tree": tree.stem})
     for part in parts:
-        is_kept = row.get(part, {}).get("commit") == commit and not commit.endswith("-dirty")
-        if is_kept and not again:
+        if part in row and is_current(row[part]["commit"]) and not again:
             print(f"{tree.stem}, {part}: kept", file=sys.stderr, flush=True)
             continue
         begin = time.perf_counter()
@@ -156,7 +154,7 @@ def main() -> None:
     parser.add_argument("--cycles", action="store_true", help="compare in Cycles, too")
     parser.add_argument("--suns", action="store_true", help="compare under six suns in Cycles")
     parser.add_argument("--flight", action="store_true", help="measure popping on a flight in Cycles")
-    parser.add_argument("--again", action="store_true", help="measure anew what the current commit has measured")
+    parser.add_argument("--again", action="store_true", help="measure anew what the same code has measured")
     parser.add_argument("--page", action="store_true", help="only write the document from the kept results")
     arguments = parser.parse_args()
     rows, begin = kept_rows(), time.perf_counter()
@@ -164,7 +162,7 @@ def main() -> None:
     for tree in [] if arguments.page else arguments.trees or default_trees():
         measure(tree.resolve(), parts, rows, again=arguments.again)
     print(f"all trees: {time.perf_counter() - begin:.0f} s", file=sys.stderr)
-    kept = keep(rows)
+    kept = keep(rows) if rows else []
     print(summary(kept))
     sys.exit(1 if failures(kept) else 0)
 

@@ -10,10 +10,10 @@ import matplotlib
 import numpy as np
 from fidelity import lines_of
 from matplotlib import pyplot
+from numpy.typing import NDArray
 from refine_checks import REFINED, SIZES, summary
 
 matplotlib.use("Agg")  # Without a display.
-matplotlib.rcParams["svg.hashsalt"] = "refine"  # The same results give the same file.
 
 Row = dict[str, Any]
 EFFORTS = ("off", *REFINED)
@@ -34,7 +34,7 @@ trees that no setting was chosen by (`bench/unseen_trees.py`).
 
 The leaves of the pine at 256², level 1 as it is baked, level 1 after `--refine long`.
 
-![error against seconds](refine.svg)
+![error against seconds](refine_seconds.png)
 
 FLIP of level 1 against the seconds of its fit, its bake and its refinement, on as many cores as the machine has: *off*,
 *short*, *long* from the left. Dotted: the same levels in Cycles.
@@ -63,7 +63,9 @@ HAND_OVERS = """## Hand-overs
 FLIP at 256² between the leaves as they lie on their billboards where level 1 takes over, and level 1: the change that a
 cross-fade hides. It is not the error against the leaves."""
 
-FLIGHT = """The pop at each switch of a whole bake with default settings, as [flight.md](flight.md) measures it: the
+FLIGHT = """## On a flight
+
+The pop at each switch of a whole bake with default settings, as [flight.md](flight.md) measures it: the
 largest FLIP between neighboring frames, divided by the median of the frames around them. 1 is no pop. `make
 bench-refine ARGS=--flight`."""
 
@@ -138,13 +140,22 @@ def cycles_part(rows: Sequence[Row]) -> str:
 
 
 def suns_part(rows: Sequence[Row]) -> str:
+    """Return the table under suns: `off` at both sizes, and the refined levels relative to it."""
     ways = list(rows[0]["suns"]["off"])
-    head = ["luminance error under suns", *(f"{way}: {name}" for way in ways for name in EFFORTS)]
+    errors = np.array([[[row["suns"][name][way] for name in EFFORTS] for way in ways] for row in rows])
+    ratios = errors[:, :, 1:] / errors[:, :, :1]
+
+    def cells(off: Sequence[str], relative: NDArray[np.float64], mark: str = "") -> list[str]:
+        words = [[f"{mark}{a:.2f}, {b:.2f}{mark}" for a, b in way] for way in relative]
+        return [cell for first, way in zip(off, words, strict=True) for cell in (first, *way)]
+
+    head = [column for way in ways for column in (f"{way}: off", *(f"{name} / off" for name in REFINED))]
     body = [
-        [row["tree"], *(", ".join(f"{x:.3f}" for x in row["suns"][name][way]) for way in ways for name in EFFORTS)]
-        for row in rows
+        [row["tree"], *cells([f"{a:.3f}, {b:.3f}" for a, b in each[:, 0]], relative)]
+        for row, each, relative in zip(rows, errors, ratios, strict=True)
     ]
-    return f"{SUNS}\n\n{lines_of(head, body)}"
+    body.append(["mean", *cells([""] * len(ways), ratios.mean(axis=0), "**")])
+    return f"{SUNS}\n\n{lines_of(['errors under suns', *head], body)}"
 
 
 def hand_over_part(rows: Sequence[Row]) -> str:
@@ -236,7 +247,7 @@ def write_chart(rows: Sequence[Row], path: Path) -> None:
         panel.set_xlim(right=1.1 * max(row["levels"]["long"]["seconds"] for row in rows))
     figure.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=4, frameon=False)
     figure.tight_layout(rect=(0.0, 0.03 + 0.045 * -(-len(rows) // 4), 1.0, 1.0))
-    figure.savefig(path, metadata={"Date": None})
+    figure.savefig(path, dpi=110)
     pyplot.close(figure)
 
 
@@ -244,7 +255,7 @@ def write_page(rows: Sequence[Row], path: Path) -> None:
     """Write the document and its chart."""
     parts = [INTRODUCTION.format(checks=summary(rows)).rstrip()]
     if rows:
-        write_chart(rows, path.with_suffix(".svg"))
+        write_chart(rows, path.with_name(f"{path.stem}_seconds.png"))
         parts += [ratio_table(rows, size) for size in SIZES]
         parts += [engine_part(rows), hand_over_part(rows)]
         for name, part in PARTS.items():
