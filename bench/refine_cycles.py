@@ -6,9 +6,11 @@ import base64
 import math
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import bpy
 import flight
 import numpy as np
 import relit
@@ -18,6 +20,7 @@ from refine_checks import REFINED
 from refine_levels import LARGEST, Subject, errors, fans
 
 import leafcloud
+from addon.bake.values import Baked
 from addon.settings.bake import BakeSettings
 
 sys.path.insert(0, str(ROOT / "tests" / "support"))
@@ -112,13 +115,27 @@ def colors_under_suns(subject: Subject) -> dict[str, list[float]]:
 
 
 def fly_past(subject: Subject) -> dict[str, Any]:
-    """Measure the pop at each switch of a whole bake as bench/flight.py does, with the efforts off and long."""
+    """Measure the pop at each switch of a whole bake as bench/flight.py does, with the efforts off and long.
+
+    Quality sets the distances, so a refined level takes over nearer. The leaves alone at the frames of `off` show how
+    much two frames differ without any switch.
+    """
     found: dict[str, Any] = {}
     for name in ("off", "long"):
-        baked, camera = flight.stage(subject.tree, BakeSettings(refine=name))
-        frames = flight.switches(baked, flight.FRAMES)
-        near = sorted({frame + i for frame in frames for i in range(-flight.AROUND, flight.AROUND + 2)})
-        changes = flight.changes(flight.fly(baked, camera, near, flight.FRAMES), flight.FRAMES)
-        away = flight.distances(flight.FRAMES)
-        found[name] = [{"at": float(away[frame]), "pop": flight.pop(changes, frame)} for frame in frames]
+        # Every level is kept, so that both bakes have the same switches.
+        baked, camera = flight.stage(subject.tree, BakeSettings(refine=name, every_level=True))
+        found[name] = pops(baked, camera)
+        if name == "off":
+            frames = flight.switches(baked, flight.FRAMES)
+            flight.leaves_alone(baked)
+            found["leaves"] = pops(baked, camera, frames)
     return found
+
+
+def pops(baked: Baked, camera: bpy.types.Object, frames: Sequence[int] | None = None) -> list[dict[str, float]]:
+    """Return the distance in R and the pop at each frame of a switch, by default at the switches of the bake."""
+    frames = flight.switches(baked, flight.FRAMES) if frames is None else frames
+    near = sorted({frame + i for frame in frames for i in range(-flight.AROUND, flight.AROUND + 2)})
+    changes = flight.changes(flight.fly(baked, camera, near, flight.FRAMES), flight.FRAMES)
+    away = flight.distances(flight.FRAMES)
+    return [{"at": float(away[frame]), "pop": flight.pop(changes, frame)} for frame in frames]

@@ -65,9 +65,9 @@ cross-fade hides. It is not the error against the leaves."""
 
 FLIGHT = """## On a flight
 
-The pop at each switch of a whole bake with default settings, as [flight.md](flight.md) measures it: the
-largest FLIP between neighboring frames, divided by the median of the frames around them. 1 is no pop. `make
-bench-refine ARGS=--flight`."""
+The pop at each switch of a whole bake with default settings and every level, as [flight.md](flight.md) measures it: the
+largest FLIP between neighboring frames, divided by the median of the frames around them. *leaves*: the same of the
+leaves alone at the frames of *off*. `make bench-refine ARGS=--flight`."""
 
 ABLATION = """## Ablation
 
@@ -170,12 +170,16 @@ def hand_over_part(rows: Sequence[Row]) -> str:
 
 
 def flight_part(rows: Sequence[Row]) -> str:
+    def cell(flown: Sequence[dict[str, float]], i: int) -> str:
+        return f"{flown[i]['pop']:.2f} at {flown[i]['at']:.1f} R" if i < len(flown) else "–"
+
+    ways = ("off", "long", "leaves")
     body = [
-        [row["tree"], f"{i} → {i + 1}", *(f"{each['pop']:.2f} at {each['at']:.1f} R" for each in pair)]
+        [row["tree"], f"{i} → {i + 1}", *(cell(row["flight"][way], i) for way in ways)]
         for row in rows
-        for i, pair in enumerate(zip(row["flight"]["off"], row["flight"]["long"], strict=False))
+        for i in range(max(len(row["flight"][way]) for way in ways))
     ]
-    return f"{FLIGHT}\n\n{lines_of(['pops', 'switch', 'off', 'long'], body)}"
+    return f"{FLIGHT}\n\n{lines_of(['pops', 'switch', *ways], body)}"
 
 
 def ablation_part(rows: Sequence[Row]) -> str:
