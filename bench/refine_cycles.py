@@ -91,9 +91,11 @@ def compare_under_suns(subject: Subject) -> dict[str, Any]:
             for name in EFFORTS
         }
         frame = bounding_sphere([relit.open_white_leaves(blends["off"])])
-        base = relit.render(frame, lambda sun: None, shadows=True, folder=folder)
+        with flight.quiet():
+            base = relit.render(frame, lambda sun: None, shadows=True, folder=folder)
         for name, blend in blends.items():
-            seen = {way: relit.seen(blend, way, frame, folder) for way in WAYS}
+            with flight.quiet():
+                seen = {way: relit.seen(blend, way, frame, folder) for way in WAYS}
             found[name] = {way: [relit.error(base, other, times) for times in (1, 4)] for way, other in seen.items()}
     for name, errors_of_colors in colors_under_suns(subject).items():
         found[name]["colors"] = errors_of_colors
