@@ -76,7 +76,7 @@ bench-fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives wi
 	.venv/bin/python bench/fidelity.py $(ARGS)
 
 .PHONY: bench-refine
-bench-refine: setup .venv/.fidelity ## compare level 1 with its leaves before and after refinement (twenty minutes)
+bench-refine: setup .venv/.fidelity ## compare level 1 with its leaves before and after refinement (25 minutes; ARGS=--cycles, --suns, --flight or --ablation for more)
 	@mkdir -p docs/bench
 	.venv/bin/python bench/refine.py $(ARGS)
 
@@ -92,7 +92,7 @@ bench-drawing: setup $(THREE)/node_modules/.package-lock.json ## compare the cos
 	.venv/bin/python bench/drawing.py $(ARGS)
 
 .PHONY: bench-curves
-bench-curves: setup .venv/.fidelity ## measure error over time, for docs/accuracy.md (hours; ARGS=--verify compares the metrics with Cycles)
+bench-curves: setup .venv/.fidelity ## measure error over time, for docs/accuracy.md (hours; ARGS=--refined only refines points of the kept curves, ARGS=--verify compares the metrics with Cycles)
 	@mkdir -p docs/bench
 	.venv/bin/python bench/curves.py $(ARGS)
 

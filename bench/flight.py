@@ -30,6 +30,7 @@ import numpy as np
 from commits import measured_commit
 from mathutils import Vector
 from numpy.typing import NDArray
+from stage import ROOT
 
 from addon.bake.pipeline import prepare
 from addon.bake.tree_set import bake_tree_set
@@ -43,7 +44,6 @@ from addon.versions import get_modifier_input, set_modifier_input
 
 matplotlib.use("Agg")  # Without a display.
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 TREES = ("pine_cards_20k", "oak_cards_11k")
 SIZE, SAMPLES, FRAMES = 256, 8, 240
@@ -78,7 +78,7 @@ class Flight:
     strip: Frames
 
 
-def stage(tree: Path) -> tuple[Baked, bpy.types.Object]:
+def stage(tree: Path, settings: BakeSettings) -> tuple[Baked, bpy.types.Object]:
     """Bake the tree's levels for the flight's camera, and add a sun and a sky; return the bake and the camera."""
     load(tree)
     scene = bpy.context.scene
@@ -88,7 +88,7 @@ def stage(tree: Path) -> tuple[Baked, bpy.types.Object]:
     scene.render.resolution_x = scene.render.resolution_y = SIZE
     scene.render.resolution_percentage = 100
     read = extract(bpy.context.evaluated_depsgraph_get(), None, name=tree.stem)
-    prepared = prepare(read, BakeSettings())
+    prepared = prepare(read, settings)
     clear_scene(scene)
     baked = bake_tree_set({tree.stem: prepared}, scene, tree.stem, lambda stage, fraction: None).trees[0]
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
@@ -211,7 +211,7 @@ def measure(tree: Path, count: int, *, whole: bool) -> tuple[list[list[str]], di
 
     Without `whole` only the frames around the switches are rendered.
     """
-    baked, camera = stage(tree)
+    baked, camera = stage(tree, BakeSettings())
     found = switches(baked, count)
     near = {frame + i for frame in found for i in range(-AROUND, AROUND + 2)}
     frames = range(count) if whole else sorted(near)

@@ -59,10 +59,11 @@ more, because they light shadowed places. Files larger than 10 MB are left out: 
 """
 
 
-def bake(tree: Path, out: Path) -> Path:
+def bake(tree: Path, out: Path, *flags: str) -> Path:
+    """Bake level 1 of a tree, with further flags; return the .blend file."""
     effects = "transitions,normals,occlusion,self_shadowing"
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--effects", effects]
-    subprocess.run([*command, "--levels", "1", "--no-cross"], check=True, capture_output=True)
+    subprocess.run([*command, "--levels", "1", "--no-cross", *flags], check=True, capture_output=True)
     return out / f"{tree.stem}.blend"
 
 
