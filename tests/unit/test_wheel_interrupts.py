@@ -54,7 +54,7 @@ call = lambda: leafcloud.simplify(positions, triangles, pixel=0.05, change=0.01)
     "blend_order": """
 positions = np.random.default_rng(1).random((3000, 3))
 triangles = np.arange(3000).reshape(-1, 3)
-call = lambda: leafcloud.blend_order(positions, triangles)
+call = lambda: leafcloud.blend_order(positions, triangles, most=10**9)
 """,
     "ktx2": """
 chain = leafcloud.build_chain(leafcloud.Foliage(*squares(300)), levels=1, cross=False, texture_size=4096, samples=1)
