@@ -40,8 +40,10 @@ os._exit(0)
 
 
 def test_a_short_call_takes_a_small_part_of_a_long_job() -> None:
-    """The job takes minutes, a short call some milliseconds. Rayon's threads leave a job only now and then, so some calls
-    may be lucky: the calls go on for a twentieth of the job."""
+    """The job takes minutes, a short call some milliseconds.
+
+    Rayon's threads leave a job only now and then, so some calls may be lucky: the calls go on for a twentieth of it.
+    """
     longest, done = output_of(SHORT_CALLS + BESIDE_A_JOB).split()
     assert done == "False"
     assert float(longest) < 0.02

@@ -1043,8 +1043,8 @@ def blend_order(
 
     Triangles without area are left out. The result is the same on any machine.
 
-    Raises ``LeafcloudError`` for a position or direction that is not finite, for an index out of range, and if the exact
-    order needs more than a million cuts: set ``most``.
+    Raises ``LeafcloudError`` for a position or direction that is not finite, for an index out of range, and if the
+    exact order needs more than a million cuts: set ``most``.
     """
 
 def render(
