@@ -70,9 +70,10 @@ def main(arguments: Sequence[str]) -> int:
     except Refusal as error:
         _print(f"{PROGRAM}: {error}", sys.stderr)
         return 1
-    from addon.settings.bake import WISHES, flag
+    from addon.settings.bake import flag
     from addon.settings.effects import asked_effects
     from addon.settings.flags import UsageError, parse, settings_of
+    from addon.settings.levels import WISHES
 
     try:
         options = parse(arguments)

@@ -2,7 +2,7 @@
 //
 // Pure functions: no uniforms, no attributes, no built-in variables, no extensions. GLSL ES 3.00 with highp, and GLSL
 // 3.30 and later, including Blender's. Blender's node groups (addon/nodes/lod.py, wind.py) and
-// rust/core/src/prune implement the same laws, so all of them draw the same leaves. docs/guide.md lists the place of
+// rust/core/src/prune implement the same laws, so all of them draw the same leaves. docs/files.md lists the place of
 // each number in a GLB file.
 //
 // Distances are from the camera to the center of the leaves, in units of the tree's own scale (world distance / scale).

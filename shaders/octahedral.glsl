@@ -6,7 +6,7 @@
 //
 // Points and directions are in the impostor's axes: `to_layout` takes them there from the tree's coordinates, with the
 // middle of the tree at 0, up as z and the stored depth as the unit. A GLB file has the numbers in the extras of the
-// last level's node (leafcloud.octahedral) and the two pages in the extras of its material (docs/guide.md).
+// last level's node (leafcloud.octahedral) and the two pages in the extras of its material (docs/files.md).
 
 struct LcOctahedral {
     vec2 extent; // half of the width and of the height of a view's picture

@@ -14,7 +14,8 @@ from itertools import zip_longest
 
 import leafcloud
 
-from ..settings.bake import LARGEST_TEXTURE, BakeSettings
+from ..settings.bake import BakeSettings
+from ..settings.levels import LARGEST_TEXTURE
 from .facts import Camera, Facts, Span
 from .lod_range import HandOverKind, LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left

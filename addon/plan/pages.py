@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ..settings.bake import LARGEST_TEXTURE, SMALLEST_TEXTURE, BakeSettings
+from ..settings.bake import BakeSettings
+from ..settings.levels import LARGEST_TEXTURE, SMALLEST_TEXTURE
 
 KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""

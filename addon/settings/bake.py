@@ -1,366 +1,27 @@
-"""Settings of a bake. Each one is defined here once, with its texts. Ranges and defaults of numbers are the core's.
+"""Settings of a bake: those of the levels, from `levels`, and those of the scene and the files. Each is defined once.
 
-The command line's flags, Blender's properties and the checks are made from these definitions. Code that receives a
-`BakeSettings` need not check it again.
+The command line's flags, Blender's properties and the checks are made from these definitions and their texts. Code
+that receives a `BakeSettings` need not check it again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cache
-from typing import Annotated, Any, Literal, get_type_hints
+from dataclasses import dataclass
+from typing import Annotated
 
-import leafcloud
-
-from .choices import CHAINS, COMPRESSED_ENGINES, ENGINES, FORMS, LASTS, VIEWERS, Form, Last
+from .choices import COMPRESSED_ENGINES, ENGINES, VIEWERS
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
-from .setting import Limits, NamedSetting, Setting
-
-Method = Literal["stochastic", "density", "kmeans"]
-Effort = Literal["literal", "default", "final", "best"]
-Refine = Literal["off", "short", "long"]
-Preset = Literal["draft", "balanced", "final"]
-
-WISHES = ("seconds", "image_error", "preset")
-"""Settings that choose epsilon, texture size, samples and effort by a quick cost curve. At most one may be set."""
-_FIX_EPSILON = ("method", "triangles", "max_billboards", "max_texels", "image_epsilon", "chain")
-"""Settings that exclude the wishes unless they have their defaults: they leave no epsilon to choose."""
-
-
-class SettingsError(ValueError):
-    """An invalid setting. The message is one line: the setting, its value, its limit, the remedy; see `naming`."""
-
-
-def _range(name: str) -> Limits:
-    """Return the range of the core's option `name`."""
-    core = leafcloud.SETTINGS[name]
-    return Limits(core.low, core.high, above=core.above, below=core.below)
-
-
-def _default(name: str) -> Any:
-    """Return the default of the core's option `name`."""
-    return leafcloud.SETTINGS[name].default
-
-
-SMALLEST_TEXTURE = int(_range("texture_size").low)
-LARGEST_TEXTURE: int = _default("texture_size")
-"""Greatest width of level 1's atlas if no width is set."""
+from .levels import LevelSettings
+from .setting import NamedSetting, Setting, SettingsError, require, settings_in
 
 
 @dataclass(frozen=True)
-class BakeSettings:
+class BakeSettings(LevelSettings):
     """Settings of one bake, the same for the command line and the interface.
 
-    R is the radius of the bounding sphere of the leaves. Raises `SettingsError` for a value outside its limits, and for
-    settings that exclude one another.
+    Raises `SettingsError` for a value outside its limits, and for settings that exclude one another.
     """
 
-    quality: Annotated[
-        float,
-        Setting(
-            "How little a level differs from the leaves where it takes over, from 0 (fast) to 1 (exact). At 0.5 nobody "
-            "notices the change. Larger takes over farther away or with more triangles. Chooses error bound, texture "
-            "size and LOD distances",
-            "FRACTION",
-            Limits(0.0, 1.0),
-        ),
-    ] = 0.5
-    epsilon: Annotated[
-        float | None,
-        Setting(
-            "Maximum distance a leaf may move along its billboard's normal on level 1, as a fraction of the crown "
-            "radius R. Smaller is more accurate and uses more billboards",
-            "FRACTION",
-            _range("epsilon"),
-            unset=f"chosen by `quality`, or {_default('epsilon')} where other settings decide",
-        ),
-    ] = None
-    form: Annotated[Form, Setting("Form of level 1, with `quality`", "NAME", choices=FORMS)] = "auto"
-    candidates: Annotated[
-        int,
-        Setting(
-            "Planes tried per billboard. More gives fewer billboards and takes longer", "COUNT", _range("candidates")
-        ),
-    ] = _default("candidates")
-    levels: Annotated[
-        int,
-        Setting(
-            "Number of billboard clouds, without the leaves and the cross impostor. Each cloud has "
-            f"{leafcloud.EPSILON_STEP:g} times the error bound of the one before",
-            "COUNT",
-            # The chain pruning alone has the core's 0 clouds.
-            replace(_range("levels"), low=1),
-        ),
-    ] = _default("levels")
-    cross: Annotated[bool, Setting("Impostor of the whole tree as the last level")] = True
-    last: Annotated[Last, Setting("Form of the last level", "NAME", choices=LASTS)] = "auto"
-    every_level: Annotated[
-        bool,
-        Setting(
-            "Make every level. Otherwise a level is left out if it saves less than a tenth of the cost of drawing the "
-            "level before it, at the distance where it takes over"
-        ),
-    ] = False
-    method: Annotated[
-        Method,
-        Setting(
-            "Algorithm that fits the billboards",
-            "NAME",
-            choices={
-                "stochastic": "search for the planes that hold the most leaves",
-                "density": "densest planes first",
-                "kmeans": "k-means clusters of leaves, as many as `max_billboards`",
-            },
-        ),
-    ] = "stochastic"
-    effort: Annotated[
-        Effort,
-        Setting(
-            "Search time of the stochastic method. A longer search finds fewer billboards",
-            "NAME",
-            choices={
-                "literal": "the published algorithm, for comparison",
-                "default": "greedy search over all directions and offsets: a fraction of a second",
-                "final": "the greedy search, then a search for fewer billboards: seconds",
-                "best": "the same as final with ten times the search time",
-            },
-        ),
-    ] = "default"
-    triangles: Annotated[
-        int | None,
-        Setting(
-            "Maximum number of triangles of level 1, trunk included. Billboards become as small as the number allows, "
-            "which leaves fewer empty pixels; if it is too small for `epsilon`, the error bound grows",
-            "COUNT",
-            _range("triangles"),
-            unset="15 % of the tree's, 10 % if no leaf is cut out of a texture, between 500 and 3000; at most "
-            "three quarters of the leaves'; 3000 if level 1 is cheaper to draw only with them",
-        ),
-    ] = None
-    max_billboards: Annotated[
-        int | None,
-        Setting(
-            "Maximum number of billboards on level 1. Replaces `epsilon` by the smallest error bound found that needs "
-            "no more billboards, plus the allowance `extra_error`",
-            "COUNT",
-            _range("max_billboards"),
-            unset="as many as the error bound needs",
-        ),
-    ] = None
-    extra_error: Annotated[
-        float,
-        Setting(
-            "Extra error allowed beyond the smallest bound for `max_billboards`, as a fraction of that bound. Spent "
-            "where it reduces the mean deviation",
-            "FRACTION",
-            _range("extra_error"),
-        ),
-    ] = _default("extra_error")
-    max_texels: Annotated[
-        int | None,
-        Setting(
-            "Maximum number of texels on level 1, each one eighth of the error bound wide. Uses the smallest error "
-            "bound found that needs no more texels, but not less than `epsilon`",
-            "COUNT",
-            _range("max_texels"),
-            unset="as many as the error bound needs",
-        ),
-    ] = None
-    max_size: Annotated[
-        float | None,
-        Setting(
-            "Maximum distance of a billboard's leaves from the place where the billboard was found, as a fraction of "
-            "R, at least `epsilon`. Smaller billboards have more triangles and draw fewer empty pixels",
-            "FRACTION",
-            _range("max_size"),
-            unset="cheapest to draw within the triangles, with room for leaves twice as wide as the mean leaf; no "
-            "limit with `max_billboards`",
-        ),
-    ] = None
-    compact: Annotated[
-        float | None,
-        Setting(
-            "Minimum width of a gap at which a billboard is split in two, as a fraction of R",
-            "FRACTION",
-            _range("compact"),
-            unset="never split",
-        ),
-    ] = None
-    gather: Annotated[
-        float,
-        Setting(
-            "Weight of the distance to a billboard's center when a leaf chooses its billboard. Larger gives smaller "
-            "billboards with less empty area; 1 is noticeable",
-            "WEIGHT",
-            _range("gather"),
-        ),
-    ] = _default("gather")
-    max_corners: Annotated[
-        int,
-        Setting(
-            "Maximum number of corners of a billboard's polygons. More corners leave less empty area",
-            "COUNT",
-            _range("max_corners"),
-        ),
-    ] = _default("max_corners")
-    min_visibility: Annotated[
-        float,
-        Setting(
-            "Minimum fraction of a leaf that is seen from outside the crown. Leaves with less are in LOD 0 only; 0 "
-            "keeps all leaves",
-            "FRACTION",
-            _range("min_visibility"),
-        ),
-    ] = _default("min_visibility")
-    whole_leaves: Annotated[
-        bool,
-        Setting(
-            "Keep a leaf on one billboard wherever any plane can hold it, not only where a plane of the cloud does. "
-            "Uses more billboards"
-        ),
-    ] = False
-    vertical: Annotated[float, Setting("Score penalty for horizontal planes", "FRACTION", _range("vertical"))] = (
-        _default("vertical")
-    )
-    views: Annotated[
-        tuple[tuple[float, float, float], ...],
-        Setting("Likely view direction in the scene, for `facing_views`. Repeat the flag for more directions", "X,Y,Z"),
-    ] = ()
-    facing_views: Annotated[
-        float,
-        Setting(
-            "Score penalty for planes that face none of the directions in `views`", "FRACTION", _range("facing_views")
-        ),
-    ] = _default("facing_views")
-    image_epsilon: Annotated[
-        float | None,
-        Setting(
-            "Maximum angle by which a vertex may appear to move, for a viewer at `viewing_distance`",
-            "RADIANS",
-            _range("image_epsilon"),
-            unset="any",
-        ),
-    ] = None
-    viewing_distance: Annotated[
-        float | None,
-        Setting(
-            "Minimum distance of the viewer from the crown's center, as a fraction of R, for `image_epsilon`",
-            "FRACTION",
-            _range("viewing_distance"),
-            unset="any",
-        ),
-    ] = None
-    seed: Annotated[int, Setting("Random seed", "NUMBER", _range("seed"))] = _default("seed")
-    texture_size: Annotated[
-        int | None,
-        Setting(
-            "Width of level 1's atlas in texels. Each further cloud has half the width of the one before",
-            "TEXELS",
-            _range("texture_size"),
-            unset=f"one texel per pixel where a level takes over, at most {LARGEST_TEXTURE} for level 1",
-        ),
-    ] = None
-    texture_height: Annotated[
-        int | None,
-        Setting("Height of level 1's atlas in texels", "TEXELS", _range("texture_height"), unset="same as the width"),
-    ] = None
-    samples: Annotated[
-        int,
-        Setting(
-            "Samples per texel along each side. More gives smoother textures and takes longer",
-            "COUNT",
-            _range("samples"),
-        ),
-    ] = _default("samples")
-    close_gaps: Annotated[
-        bool,
-        Setting(
-            "Close gaps between billboards: each also shows the parts of other billboards' leaves within the error "
-            "bound of its plane. Makes the crown denser"
-        ),
-    ] = False
-    refine: Annotated[
-        Refine,
-        Setting(
-            "Change color and alpha of the billboards' textures until pictures of them look like those of the leaves",
-            "NAME",
-            choices={
-                "off": "textures stay as they are baked",
-                "short": "some seconds for each level",
-                "long": "some tens of seconds for each level",
-            },
-        ),
-    ] = "off"
-    bend_normals: Annotated[
-        float,
-        Setting(
-            "How far the billboards' normals bend toward the hull of the crown. Larger gives softer, rounder shading",
-            "FRACTION",
-            _range("normals"),
-        ),
-    ] = 0.0
-    seconds: Annotated[
-        float | None,
-        Setting(
-            "Time budget in seconds for making the levels, without Blender's start and writing files. Chooses error "
-            "bound, samples, effort and a texture size up to `texture_size`, for the least error",
-            "SECONDS",
-            _range("seconds"),
-            unset="off",
-        ),
-    ] = None
-    image_error: Annotated[
-        float | None,
-        Setting(
-            "Maximum image error of level 1. Chooses the same settings as `seconds`, for the shortest time",
-            "ERROR",
-            _range("image_error"),
-            unset="off",
-        ),
-    ] = None
-    preset: Annotated[
-        Preset | None,
-        Setting(
-            "Compromise between baking time and image error, measured on this tree. Chooses error bound, samples, "
-            "effort and texture size, as `seconds` does",
-            "NAME",
-            unset="off",
-            choices={
-                "draft": "the fastest with at most twice the least error",
-                "balanced": "the fastest with at most 1.25 times the least error",
-                "final": "the least error",
-            },
-        ),
-    ] = None
-    pixels: Annotated[
-        float | None,
-        Setting(
-            "A level takes over where its error bound appears smaller than this many pixels, whatever `quality`. "
-            "Larger switches sooner and draws faster",
-            "PIXELS",
-            _range("pixels"),
-            unset=f"where `quality` allows, and {_default('pixels'):g} at most",
-        ),
-    ] = None
-    chain: Annotated[str, Setting("Order of the levels by distance", "NAME", choices=CHAINS)] = "billboards"
-    prune_pixels: Annotated[
-        float,
-        Setting(
-            "Leaf size in pixels below which pruning begins, for the chains pruning and both. Larger prunes sooner",
-            "PIXELS",
-            _range("leaf_pixels"),
-        ),
-    ] = _default("leaf_pixels")
-    prune_half: Annotated[
-        float,
-        Setting(
-            "Distance where pruning begins, divided by the distance where half of the leaves remain. Larger prunes "
-            "faster",
-            "FRACTION",
-            _range("prune_half"),
-        ),
-    ] = _default("prune_half")
     trees: Annotated[
         str,
         Setting(
@@ -412,59 +73,14 @@ class BakeSettings:
     ] = False
 
     def __post_init__(self) -> None:
-        for each in described():
-            self._require(each.name, each.setting.allows(getattr(self, each.name)), each.setting.limit)
-        self._check_fit()
+        super().__post_init__()
         self._check_engine()
         self._check_effects()
-        self._check_wishes()
 
     @property
     def by_cameras(self) -> bool:
         """True if the scene's cameras may decide which levels are made."""
         return self.viewer != "anywhere" and self.engine == "generic"
-
-    @property
-    def error_bound(self) -> float:
-        """The set error bound of level 1, or the core's default."""
-        default: float = _default("epsilon")
-        return default if self.epsilon is None else self.epsilon
-
-    @property
-    def switch_pixels(self) -> float:
-        """The set size of a level's error bound where it takes over, or the largest that `quality` allows."""
-        default: float = _default("pixels")
-        return default if self.pixels is None else self.pixels
-
-    @property
-    def wish(self) -> str | None:
-        """The name of the wish that chooses epsilon, if one is set."""
-        return next((name for name in WISHES if getattr(self, name) is not None), None)
-
-    def _check_fit(self) -> None:
-        sized = self.max_size is None or self.error_bound <= self.max_size
-        self._require("max_size", sized, f"at least `epsilon`, {self.error_bound}")
-        count, most = len(self.views), _range("views")
-        if not most.hold(count):
-            raise SettingsError(f"`views` has {count} directions, their number must be {most}: leave some out")
-        if self.method == "kmeans" and self.max_billboards is None:
-            raise SettingsError("`method=kmeans` needs `max_billboards`: set it, or choose another `method`")
-        if (self.viewing_distance is None) != (self.image_epsilon is None):
-            raise SettingsError("`image_epsilon` and `viewing_distance` need each other: set both or neither")
-        if self.chain == "pruning" and not self.cross:
-            raise SettingsError(
-                "`chain=pruning` and `cross=False` exclude each other: after pruned leaves the cross impostor is the "
-                "only level; change one of them"
-            )
-        if self.last == "octahedral" and not self.cross:
-            raise SettingsError(
-                "`last=octahedral` needs the cross impostor, which files have in its place: leave out `cross=False`"
-            )
-        if self.form == "leaves" and (self.pixels, self.wish, self.chain) != (None, None, "billboards"):
-            raise SettingsError(
-                "`form=leaves` needs `quality`, which judges the leaves: leave out `pixels`, `seconds`, `image_error`, "
-                "`preset` and `chain`"
-            )
 
     def _check_engine(self) -> None:
         if self.compress and self.engine not in COMPRESSED_ENGINES:
@@ -479,40 +95,16 @@ class BakeSettings:
             f"{', '.join(EFFECT_CHOICES)}, or names separated by commas from {', '.join(EFFECTS)}, each with "
             "an optional + or -"
         )
-        self._require("effects", asked.known, choices)
+        require(self, "effects", asked.known, choices)
         if self.chain != "billboards" and asked.listed("pruning") is False:
             raise SettingsError(
                 f"`chain={self.chain}` needs the effect pruning, which is off: turn it on, or choose `chain=billboards`"
             )
 
-    def _check_wishes(self) -> None:
-        given = [name for name in WISHES if getattr(self, name) is not None]
-        if len(given) > 1:
-            raise SettingsError(f"{listed(given)} exclude each other: set one of them")
-        fixed = [name for name in _FIX_EPSILON if getattr(self, name) != getattr(BakeSettings, name)]
-        if given and fixed:
-            raise SettingsError(
-                f"{listed(given)} must be set without {listed(fixed)}, because it has to choose `epsilon`"
-            )
 
-    def _require(self, name: str, holds: bool, limit: str) -> None:
-        if holds:
-            return
-        value, default = getattr(self, name), getattr(BakeSettings, name)
-        usual = setting_named(name).setting.unset if default is None else repr(default)
-        raise SettingsError(f"`{name}` is {value!r}, it must be {limit}; the default is {usual}")
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return the names of settings for a message."""
-    return " and ".join(f"`{name}`" for name in names)
-
-
-@cache
 def described() -> tuple[NamedSetting, ...]:
     """Return all settings, in the order of `BakeSettings`."""
-    hints = get_type_hints(BakeSettings, include_extras=True)
-    return tuple(NamedSetting.of(name, hint, getattr(BakeSettings, name)) for name, hint in hints.items())
+    return settings_in(BakeSettings)
 
 
 def setting_named(name: str) -> NamedSetting:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TypedDict
 
-from .bake import BakeSettings, Effort, Method
+from .bake import BakeSettings
+from .levels import Effort, Method
 
 
 def fit_options(settings: BakeSettings) -> FitOptions:

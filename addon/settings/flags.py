@@ -9,9 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from .bake import BakeSettings, SettingsError, described, flag, setting_named
+from .bake import BakeSettings, described, flag, setting_named
 from .naming import with_names
-from .setting import NamedSetting
+from .setting import NamedSetting, SettingsError
 
 CURVES = ("full", "quick")
 

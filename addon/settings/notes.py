@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from .bake import WISHES, BakeSettings, listed
+from .bake import BakeSettings
+from .levels import WISHES
+from .setting import listed
 
 _CHOSEN = ("epsilon", "samples", "effort")
 """Settings that the wishes choose. The texture size is chosen, too, but only below the given one."""

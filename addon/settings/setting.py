@@ -1,12 +1,17 @@
-"""Description of one setting: its meaning, limits and choices."""
+"""Description of one setting: its meaning, limits and choices, and the error of a value that they exclude."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from types import NoneType
-from typing import Any, Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+
+class SettingsError(ValueError):
+    """An invalid setting. The message is one line: the setting, its value, its limit, the remedy; see `naming`."""
 
 
 @dataclass(frozen=True)
@@ -87,3 +92,26 @@ class NamedSetting:
             [kind] = [each for each in get_args(kind) if each is not NoneType]
         origin = get_origin(kind)
         return NamedSetting(name, str if origin is Literal else origin or kind, default, setting)
+
+
+def _settings_in(kind: type) -> tuple[NamedSetting, ...]:
+    hints = get_type_hints(kind, include_extras=True)
+    return tuple(NamedSetting.of(name, hint, getattr(kind, name)) for name, hint in hints.items())
+
+
+settings_in: Callable[[type], tuple[NamedSetting, ...]] = cache(_settings_in)
+"""Return the settings that a dataclass and its bases define, in the order of the fields."""
+
+
+def require(settings: object, name: str, holds: bool, limit: str) -> None:
+    """Raise `SettingsError` with the value of the setting `name` and its limit, unless the condition holds."""
+    if holds:
+        return
+    [named] = [each for each in settings_in(type(settings)) if each.name == name]
+    usual = named.setting.unset if named.default is None else repr(named.default)
+    raise SettingsError(f"`{name}` is {getattr(settings, name)!r}, it must be {limit}; the default is {usual}")
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the names of settings for a message."""
+    return " and ".join(f"`{name}`" for name in names)

@@ -11,7 +11,9 @@ import leafcloud
 
 from ..bake.pipeline import layer_of, prepare, start_curve
 from ..errors import SceneError
-from ..settings.bake import LARGEST_TEXTURE, SMALLEST_TEXTURE, BakeSettings, SettingsError
+from ..settings.bake import BakeSettings
+from ..settings.levels import LARGEST_TEXTURE, SMALLEST_TEXTURE
+from ..settings.setting import SettingsError
 from ..steps import Steps
 from . import measured
 from .job_operator import JobOperator

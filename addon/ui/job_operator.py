@@ -11,7 +11,7 @@ import leafcloud
 
 from ..bake.job import POLL_SECONDS, Job, wait
 from ..errors import SceneError
-from ..settings.bake import SettingsError
+from ..settings.setting import SettingsError
 from ..steps import Steps, all_steps
 from .progress import show
 from .properties import with_labels

@@ -18,7 +18,8 @@ from ..levels.thumbnails import keep_thumbnails
 from ..plan.camera_visibility import seen_as_set
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
-from ..settings.bake import WISHES, BakeSettings
+from ..settings.bake import BakeSettings
+from ..settings.levels import WISHES
 
 CHART_SIZE = (640, 480)
 """Width and height in pixels: about twice those of a sidebar, for high-resolution screens."""

@@ -15,7 +15,7 @@ from command_line import QUICK, bake, bake_apart, saved
 from glb import Node, Primitive, read_glb
 from numpy.typing import NDArray
 
-from addon.settings.bake import EFFECTS
+from addon.settings.effects import EFFECTS
 
 DEPTH_ORDER = 1.0 / 4096.0
 """The share of its height above the plane that a point keeps at a = 1."""

@@ -20,7 +20,8 @@ from scenes import import_part
 
 import addon
 import leafcloud
-from addon.settings.bake import BakeSettings, SettingsError
+from addon.settings.bake import BakeSettings
+from addon.settings.setting import SettingsError
 from addon.ui import curve as panel
 from addon.ui import measured
 from addon.ui.properties import bake_settings

@@ -25,7 +25,8 @@ from scenes import add_mesh, bake, read
 from addon.bake.values import TreeSet
 from addon.export.files import write
 from addon.export.glb_file import Glb
-from addon.settings.bake import EFFECTS, BakeSettings
+from addon.settings.bake import BakeSettings
+from addon.settings.effects import EFFECTS
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,10 @@ print(hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest())
 
 Bakes = Callable[..., Path]
 
+on_x86_64_linux = pytest.mark.skipif(
+    platform.machine() != "x86_64" or sys.platform != "linux", reason="names features of x86-64"
+)
+
 
 @pytest.fixture(scope="module")
 def baked(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> Bakes:
@@ -90,9 +94,14 @@ def test_reports_differ_in_seconds_only(baked: Bakes, threads: str) -> None:
     assert report(baked(RAYON_NUM_THREADS=threads)) == report(baked())
 
 
-@pytest.mark.skipif(platform.machine() != "x86_64" or sys.platform != "linux", reason="names features of x86-64")
+@on_x86_64_linux
 def test_models_textures_and_pictures_depend_on_no_vectors_of_the_c_library(baked: Bakes) -> None:
     assert hashes(baked(GLIBC_TUNABLES=OLD_PROCESSOR), ".glb", ".png") == hashes(baked(), ".glb", ".png")
+
+
+@on_x86_64_linux
+def test_reports_depend_on_no_vectors_of_the_c_library(baked: Bakes) -> None:
+    assert report(baked(GLIBC_TUNABLES=OLD_PROCESSOR)) == report(baked())
 
 
 @pytest.mark.skipif(shutil.which("qemu-x86_64") is None, reason="needs qemu-x86_64 (Debian: qemu-user)")

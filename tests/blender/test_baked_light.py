@@ -28,7 +28,8 @@ from addon.geometry import Tree
 from addon.plan.effects import is_on, plan_channels, plan_effects
 from addon.plan.facts import Facts
 from addon.scene import light
-from addon.settings.bake import EFFECTS, BakeSettings
+from addon.settings.bake import BakeSettings
+from addon.settings.effects import EFFECTS
 
 SKY = (0.2, 0.3, 0.4)
 GREEN = (0.1, 0.3, 0.05)

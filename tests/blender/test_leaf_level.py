@@ -18,7 +18,8 @@ from addon.bake.values import Baked
 from addon.export.gpu_load import GpuLoad
 from addon.export.report import report
 from addon.nodes.lod import set_manual
-from addon.settings.bake import BakeSettings, SettingsError
+from addon.settings.bake import BakeSettings
+from addon.settings.setting import SettingsError
 
 SEGMENTS = 8
 

@@ -20,9 +20,10 @@ from addon.plan.camera_visibility import seen_as_set
 from addon.plan.effects import camera_note, plan_effects
 from addon.plan.facts import Camera, Facts, Lights
 from addon.plan.lod_range import View
-from addon.settings.bake import BakeSettings, SettingsError, described
+from addon.settings.bake import BakeSettings, described
 from addon.settings.choices import ENGINES
 from addon.settings.flags import with_flags
+from addon.settings.setting import SettingsError
 from addon.ui.properties import LeafcloudSettings, bake_settings, with_labels
 
 ADDON = Path(addon.__file__).parent

@@ -20,7 +20,8 @@ import leafcloud
 from addon.bake.values import Baked
 from addon.levels.octahedral import plain_files
 from addon.mesh.baked_levels import EXTRAS, plain_mesh
-from addon.settings.bake import BakeSettings, SettingsError
+from addon.settings.bake import BakeSettings
+from addon.settings.setting import SettingsError
 from addon.viewport.corners import parts_of
 
 SIDE, GRID = 32, 4

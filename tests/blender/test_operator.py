@@ -9,8 +9,9 @@ import bpy
 import pytest
 
 import leafcloud
-from addon.settings.bake import EFFECTS, BakeSettings
+from addon.settings.bake import BakeSettings
 from addon.settings.choices import CHAINS
+from addon.settings.effects import EFFECTS
 from addon.ui import job_operator
 from addon.ui.properties import bake_settings, leaf_names
 

@@ -17,8 +17,9 @@ from addon.plan.effects import camera_note, plan_channels, plan_effects
 from addon.plan.facts import Camera, Facts
 from addon.plan.lod_range import HandOverKind, LodRange, View, lod_ranges, rising, trunk_range
 from addon.plan.registry import all_effects
-from addon.settings.bake import BakeSettings, SettingsError
+from addon.settings.bake import BakeSettings
 from addon.settings.effects import EFFECTS
+from addon.settings.setting import SettingsError
 
 FACTS = Facts(engine="generic", leaves=672)
 

@@ -48,7 +48,7 @@ def test_no_uniform_shares_its_name_with_a_variable_of_the_laws() -> None:
 def test_every_number_of_the_wind_is_a_uniform() -> None:
     shader = (ADDON / "level.gdshaderinc").read_text()
     uniforms = set(re.findall(r"^uniform \w+ wind_(\w+)", shader, re.MULTILINE))
-    # The extras of a level's node (docs/guide.md, "Wind").
+    # The extras of a level's node (docs/files.md, "Wind").
     names = {
         "direction",
         "strength",

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import leafcloud
-from addon.settings.bake import BakeSettings, SettingsError, described
+from addon.settings.bake import BakeSettings, described
+from addon.settings.setting import SettingsError
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLIAGE = leafcloud.Foliage(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import leafcloud
-from addon.settings.bake import BakeSettings, SettingsError, described
+from addon.settings.bake import BakeSettings, described
 from addon.settings.fit_options import fit_options
 from addon.settings.flags import parse, settings_of
 from addon.settings.notes import notes
-from addon.settings.setting import Limits
+from addon.settings.setting import Limits, SettingsError
 
 
 def test_the_defaults_match_the_command_line() -> None:

@@ -54,7 +54,7 @@ call = lambda: leafcloud.simplify(positions, triangles, pixel=0.05, change=0.01)
     "blend_order": """
 positions = np.random.default_rng(1).random((3000, 3))
 triangles = np.arange(3000).reshape(-1, 3)
-call = lambda: leafcloud.blend_order(positions, triangles)
+call = lambda: leafcloud.blend_order(positions, triangles, most=10**9)
 """,
     "ktx2": """
 chain = leafcloud.build_chain(leafcloud.Foliage(*squares(300)), levels=1, cross=False, texture_size=4096, samples=1)
@@ -76,6 +76,27 @@ arrays = {
     for name, columns in {"uvs": 2, "normals": 3, "colors": 4, "back_colors": 3}.items()
 }
 call = lambda: leafcloud.Foliage(positions, triangles, **arrays)
+""",
+    "cost_curve": """
+foliage = leafcloud.Foliage(*squares(20_000))
+call = lambda: leafcloud.cost_curve(foliage)
+""",
+    "quick cost_curve": """
+foliage = leafcloud.Foliage(*squares(20_000))
+call = lambda: leafcloud.cost_curve(foliage, quick=True)
+""",
+    "build_chain with target_error": """
+foliage = leafcloud.Foliage(*squares(20_000))
+call = lambda: leafcloud.build_chain(foliage, levels=3, target_error=0.01)
+""",
+    "Curve.svg": """
+curve = leafcloud.cost_curve(leafcloud.Foliage(*squares(20)), quick=True, levels=1, texture_size=64)
+title = "x" * 20_000_000
+call = lambda: all(curve.svg(title=title) for _ in range(50))
+""",
+    "Curve.picture": """
+curve = leafcloud.cost_curve(leafcloud.Foliage(*squares(20)), quick=True, levels=1, texture_size=64)
+call = lambda: all(len(curve.picture(width=8192, height=8192)) for _ in range(50))
 """,
 }
 
@@ -114,12 +135,12 @@ job = leafcloud.start_chain(foliage, levels=1, cross=False, texture_size=8192, s
 while job.stage != "bake":
     time.sleep(0.01)
 time.sleep(0.5)
-begin, before = time.monotonic(), job.fraction
+before = job.fraction
 job.cancel()
 try:
     job.result()
 except leafcloud.CancelledError:
-    print(f"{before} after {time.monotonic() - begin:.2f}")
+    print(before, job.fraction)
 """
 
 FORKED_IN_PROGRESS = """
@@ -207,10 +228,9 @@ def test_a_job_of_the_parent_raises_in_a_forked_child() -> None:
 
 
 def test_cancel_stops_the_bake_of_an_atlas_page() -> None:
-    """A complete bake of the atlas page would take about a minute."""
-    fraction, _, seconds = output_of(CANCELLED).partition(" after ")
-    assert 0.0 < float(fraction) < 1.0
-    assert float(seconds) < 1.0 + BUSY
+    """Most of the page is not baked any more."""
+    before, after = map(float, output_of(CANCELLED).split())
+    assert 0.0 < before <= after < min(before + 0.1, 1.0)
 
 
 def test_a_child_forked_in_a_progress_function_is_refused() -> None:

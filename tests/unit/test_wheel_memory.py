@@ -85,3 +85,26 @@ def test_memory_returns_after_large_results(name: str) -> None:
     held, left = map(int, output_of(LARGE_RESULTS[name] + MEASURED).split())
     assert held > LEAST_HELD
     assert left <= MOST_LEFT
+
+
+SIMPLIFIED = """
+import resource
+
+n = 400
+x, y = np.meshgrid(np.arange(n), np.arange(n))
+positions = np.column_stack([x.ravel(), y.ravel(), np.random.default_rng(1).random(n * n)])
+corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+triangles = np.concatenate([corner[:, None] + [0, 1, n], corner[:, None] + [1, n + 1, n]])
+
+def call():
+    leafcloud.simplify(positions, triangles, pixel=10, change=0.0)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+"""
+
+
+def test_memory_returns_after_simplifying() -> None:
+    """The result is small; the work needs memory."""
+    measured = MEASURED.replace("held = resident()", "held = 1024 * result")
+    needed, left = map(int, output_of(SIMPLIFIED + measured).split())
+    assert needed > LEAST_HELD
+    assert left <= MOST_LEFT

@@ -4,7 +4,7 @@ export const LAWS = `// The laws of Leafcloud's levels: transition, pruning, win
 //
 // Pure functions: no uniforms, no attributes, no built-in variables, no extensions. GLSL ES 3.00 with highp, and GLSL
 // 3.30 and later, including Blender's. Blender's node groups (addon/nodes/lod.py, wind.py) and
-// rust/core/src/prune implement the same laws, so all of them draw the same leaves. docs/guide.md lists the place of
+// rust/core/src/prune implement the same laws, so all of them draw the same leaves. docs/files.md lists the place of
 // each number in a GLB file.
 //
 // Distances are from the camera to the center of the leaves, in units of the tree's own scale (world distance / scale).
@@ -223,7 +223,7 @@ export const OCTAHEDRAL = `// The law of octahedral impostors, for any engine. P
 //
 // Points and directions are in the impostor's axes: \`to_layout\` takes them there from the tree's coordinates, with the
 // middle of the tree at 0, up as z and the stored depth as the unit. A GLB file has the numbers in the extras of the
-// last level's node (leafcloud.octahedral) and the two pages in the extras of its material (docs/guide.md).
+// last level's node (leafcloud.octahedral) and the two pages in the extras of its material (docs/files.md).
 
 struct LcOctahedral {
     vec2 extent; // half of the width and of the height of a view's picture

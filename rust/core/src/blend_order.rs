@@ -7,8 +7,9 @@
 //! morph to another level keep the order of their original positions.
 //!
 //! The plane of a node is the best of a few candidates, evenly spread among the node's triangles: few cuts, and both sides about equal.
-//! Building takes O(p log p) for p pieces if cuts are few. n triangles may need O(n²) cuts, so the caller limits the number of pieces.
-//! Beyond that limit, a piece that crosses a plane goes to the side of its middle uncut, and the order is only approximate.
+//! Building takes O(p log p) for p pieces if cuts are few. n triangles may need O(n²) cuts: an exact order has at most [`MOST_CUTS`].
+//! If the caller limits the number of pieces, a piece beyond that limit that crosses a plane goes to the side of its middle uncut, and the
+//! order is only approximate.
 
 use std::collections::VecDeque;
 
@@ -22,6 +23,9 @@ const TRIED: usize = 12;
 
 /// Cost of one cut, in triangles of imbalance between the two sides.
 const CUT_WEIGHT: usize = 6;
+
+/// Maximum number of cuts for an exact order, some 300 MB of pieces: 700 random triangles that cross one another need less.
+pub const MOST_CUTS: usize = 1_000_000;
 
 /// Tolerance for a corner within a plane, as a share of the extent of all triangles: a few roundings of single precision.
 const THICKNESS: f64 = 2e-6;
@@ -60,12 +64,13 @@ pub struct BlendOrder {
 }
 
 impl BlendOrder {
-    /// Builds the tree of `triangles` and lists their pieces in draw order for a far eye in the direction `toward`. With `most` pieces or
-    /// more, nothing is cut any further. Triangles without area are left out.
+    /// Builds the tree of `triangles` and lists their pieces in draw order for a far eye in the direction `toward`. The order
+    /// is exact; with `most`, nothing is cut any further from that number of pieces on, and the order is approximate. Triangles without area
+    /// are left out.
     ///
     /// # Errors
-    /// A corner or the direction is not finite; [`Error::Cancelled`].
-    pub fn new(triangles: &[[DVec3; 3]], toward: DVec3, most: usize, progress: Progress) -> Result<Self> {
+    /// A corner or the direction is not finite; an exact order needs more than [`MOST_CUTS`]; [`Error::Cancelled`].
+    pub fn new(triangles: &[[DVec3; 3]], toward: DVec3, most: Option<usize>, progress: Progress) -> Result<Self> {
         if let Some(at) = triangles.iter().position(|corners| !corners.iter().all(|p| p.is_finite())) {
             return Err(Error::invalid(format!("triangle {at} has a corner that is not finite")));
         }
@@ -209,9 +214,11 @@ struct Partition {
 }
 
 impl Partition {
-    fn new(pieces: Vec<Polygon>, thickness: f64, most: usize, progress: Progress) -> Result<Self> {
+    fn new(pieces: Vec<Polygon>, thickness: f64, most: Option<usize>, progress: Progress) -> Result<Self> {
         let mut partition = Self { nodes: Vec::new(), within: Vec::new() };
-        let mut count = pieces.len();
+        let whole = pieces.len();
+        let limit = most.unwrap_or(whole + MOST_CUTS);
+        let mut count = whole;
         // Pieces still to divide, with their parent node and side. Breadth first: all regions get some of the cuts.
         let mut waiting = VecDeque::from([(pieces, None)]);
         while let Some((pieces, parent)) = waiting.pop_front() {
@@ -228,12 +235,13 @@ impl Partition {
                     Side::Within => partition.within[number].push(piece),
                     Side::Front => sides[0].push(piece),
                     Side::Back => sides[1].push(piece),
-                    Side::Across if count < most => {
+                    Side::Across if count < limit => {
                         let [front, back] = piece.cut(normal, offset, thickness);
                         sides[0].push(front);
                         sides[1].push(back);
                         count += 1;
                     }
+                    Side::Across if most.is_none() => return Err(too_many_cuts(whole)),
                     Side::Across => sides[usize::from(!piece.middle_in_front(normal, offset))].push(piece),
                 }
             }
@@ -268,6 +276,13 @@ impl Partition {
         }
         BlendOrder { corners, triangles, nodes }
     }
+}
+
+fn too_many_cuts(triangles: usize) -> Error {
+    Error::invalid(format!(
+        "the exact order of {triangles} triangles needs more than {MOST_CUTS} cuts, the limit: set `most`, the number of pieces at which \
+         cutting stops and the order becomes approximate, or give fewer triangles that cross one another"
+    ))
 }
 
 /// Returns the piece with the plane of lowest cost (cuts and imbalance); `None` without pieces.

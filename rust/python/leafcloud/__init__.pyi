@@ -1038,11 +1038,13 @@ def blend_order(
     ``triangles``: (t, 3) integers.
     ``toward``: direction of the eye for the order of ``BlendOrder.triangles``.
     ``most``: maximum number of pieces. Triangles that cross a node's plane are cut in two until this number is reached;
-    then the order is approximate. ``None``: no limit, up to about n² pieces.
+    then the order is approximate. ``None``: the order is exact, with at most a million cuts. n triangles that cross one
+    another need up to about n² cuts.
 
     Triangles without area are left out. The result is the same on any machine.
 
-    Raises ``LeafcloudError`` for a position or direction that is not finite, and for an index out of range.
+    Raises ``LeafcloudError`` for a position or direction that is not finite, for an index out of range, and if the
+    exact order needs more than a million cuts: set ``most``.
     """
 
 def render(

@@ -68,7 +68,7 @@ pub fn blend_order(
     let positions = arrays::points(positions, "positions")?;
     let triangles = arrays::triangles(triangles)?;
     let toward = toward.map_or(Ok(DVec3::Z), |v| arrays::vector(v, "toward"))?;
-    let most = most.map_or(Ok(usize::MAX), |v| read(v, "most", "a whole number of pieces, or None"))?;
+    let most = most.map(|v| read(v, "most", "a whole number of pieces, or None")).transpose()?;
     let order =
         interruptible(py, move |progress| BlendOrder::new(&corners(&positions, &triangles)?, toward, most, progress))?;
     Ok(PyBlendOrder(order))

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use leafcloud::Progress;
-use leafcloud::blend_order::BlendOrder;
+use leafcloud::blend_order::{BlendOrder, MOST_CUTS};
 
 use crate::common::random::Random;
 
@@ -51,7 +51,7 @@ fn seen_from(order: &BlendOrder, eye: DVec3) -> Vec<u32> {
 fn nearer_is_drawn_later() {
     for (seed, count) in [(1, 12), (2, 40), (3, 90)] {
         let triangles = crossing(seed, count);
-        let order = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+        let order = BlendOrder::new(&triangles, DVec3::Z, None, Progress::silent()).unwrap();
         let mut random = Random(seed + 10);
         let mut compared = 0;
         for _ in 0..EYES {
@@ -77,7 +77,7 @@ fn nearer_is_drawn_later() {
 #[test]
 fn pieces_cover_the_cut_triangles() {
     let triangles = crossing(4, 60);
-    let order = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+    let order = BlendOrder::new(&triangles, DVec3::Z, None, Progress::silent()).unwrap();
     let mut sums = vec![DVec3::ZERO; triangles.len()];
     for &triangle in &order.triangles {
         let sources = triangle.map(|corner| order.corners[corner as usize].source);
@@ -99,7 +99,7 @@ fn pieces_cover_the_cut_triangles() {
 fn the_list_is_in_order_for_an_eye_far_away() {
     let triangles = crossing(5, 30);
     let toward = DVec3::new(1.0, -2.0, 0.5).normalize();
-    let order = BlendOrder::new(&triangles, toward, usize::MAX, Progress::silent()).unwrap();
+    let order = BlendOrder::new(&triangles, toward, None, Progress::silent()).unwrap();
     let starts: Vec<u32> =
         seen_from(&order, 1e6 * toward).into_iter().map(|node| order.nodes[node as usize].triangles.start).collect();
     assert!(starts.is_sorted());
@@ -112,7 +112,7 @@ fn triangles_that_do_not_cross_stay_whole() {
         [[a, b, c], [a, c, d]]
     };
     let stack: Vec<[DVec3; 3]> = (0..40).flat_map(|i| square(f64::from(i))).collect();
-    let order = BlendOrder::new(&stack, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+    let order = BlendOrder::new(&stack, DVec3::Z, None, Progress::silent()).unwrap();
     assert_eq!((order.triangles.len(), order.nodes.len()), (80, 40), "the two of a square lie in one plane");
     assert_eq!(order.corners[order.triangles[0][0] as usize].source / 2, 0, "seen from above the lowest is first");
 }
@@ -120,11 +120,10 @@ fn triangles_that_do_not_cross_stay_whole() {
 #[test]
 fn the_limit_on_pieces_is_kept() {
     let triangles = crossing(6, 100);
-    let all = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+    let all = BlendOrder::new(&triangles, DVec3::Z, None, Progress::silent()).unwrap();
     for most in [0, triangles.len(), 2 * triangles.len()] {
-        let order = BlendOrder::new(&triangles, DVec3::Z, most, Progress::silent()).unwrap();
-        // A piece of n corners is n − 2 triangles.
-        let pieces = (order.corners.len() - order.triangles.len()) / 2;
+        let order = BlendOrder::new(&triangles, DVec3::Z, Some(most), Progress::silent()).unwrap();
+        let pieces = pieces(&order);
         assert!(order.triangles.len() < all.triangles.len());
         assert!(pieces <= most.max(triangles.len()), "{pieces} of {most}");
         let area: f64 = order.triangles.iter().map(|&t| area_vector(corners(&order, &triangles, t)).length()).sum();
@@ -133,29 +132,69 @@ fn the_limit_on_pieces_is_kept() {
     }
 }
 
+/// A grid of upright triangles, `across` of them in planes x = i and `along` of them in planes y = j. Each of the one crosses each of the
+/// other once, so an exact order cuts one of the two there, and nothing else.
+fn grid(across: u32, along: u32) -> Vec<[DVec3; 3]> {
+    let upright = |flip: bool, count: u32, length: u32| {
+        let (start, end) = (-1.0, f64::from(length));
+        (0..count).map(f64::from).map(move |at| {
+            let corner = |along: f64, z: f64| if flip { DVec3::new(along, at, z) } else { DVec3::new(at, along, z) };
+            [corner(start, 0.0), corner(end, 0.0), corner(0.5 * (start + end), f64::from(length))]
+        })
+    };
+    upright(false, across, along).chain(upright(true, along, across)).collect()
+}
+
+/// Returns the number of pieces. A piece of n corners is n − 2 triangles.
+fn pieces(order: &BlendOrder) -> usize {
+    (order.corners.len() - order.triangles.len()) / 2
+}
+
+#[test]
+fn an_exact_order_cuts_each_crossing_once() {
+    for (across, along) in [(1, 1), (10, 12), (40, 25)] {
+        let order = BlendOrder::new(&grid(across, along), DVec3::Z, None, Progress::silent()).unwrap();
+        assert_eq!(pieces(&order), (across + along + across * along) as usize);
+    }
+}
+
+#[test]
+fn an_exact_order_with_too_many_cuts_is_refused() {
+    assert_eq!(MOST_CUTS, 1_000_000);
+    let most = BlendOrder::new(&grid(1000, 1000), DVec3::Z, None, Progress::silent()).unwrap();
+    assert_eq!(pieces(&most), 1_002_000);
+    let triangles = grid(1000, 1001);
+    let message = BlendOrder::new(&triangles, DVec3::Z, None, Progress::silent()).unwrap_err().to_string();
+    for word in ["2001 triangles", "1000000", "`most`"] {
+        assert!(message.contains(word), "{message}");
+    }
+    let approximate = BlendOrder::new(&triangles, DVec3::Z, Some(5000), Progress::silent()).unwrap();
+    assert_eq!(pieces(&approximate), 5000);
+}
+
 #[test]
 fn hostile_input() {
-    let nothing = BlendOrder::new(&[], DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+    let nothing = BlendOrder::new(&[], DVec3::Z, None, Progress::silent()).unwrap();
     assert_eq!(nothing, BlendOrder::default());
     let line = [DVec3::ZERO, DVec3::X, 2.0 * DVec3::X];
     let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
-    let order = BlendOrder::new(&[line, triangle, [DVec3::ONE; 3]], DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+    let order = BlendOrder::new(&[line, triangle, [DVec3::ONE; 3]], DVec3::Z, None, Progress::silent()).unwrap();
     assert_eq!(order.triangles.len(), 1);
     assert!(order.corners.iter().all(|corner| corner.source == 1));
     let broken = [DVec3::ZERO, DVec3::X, DVec3::new(0.0, f64::NAN, 0.0)];
-    let message = BlendOrder::new(&[triangle, broken], DVec3::Z, 9, Progress::silent()).unwrap_err().to_string();
+    let message = BlendOrder::new(&[triangle, broken], DVec3::Z, Some(9), Progress::silent()).unwrap_err().to_string();
     assert!(message.contains("triangle 1"), "{message}");
-    assert!(BlendOrder::new(&[triangle], DVec3::new(f64::INFINITY, 0.0, 0.0), 9, Progress::silent()).is_err());
+    assert!(BlendOrder::new(&[triangle], DVec3::new(f64::INFINITY, 0.0, 0.0), Some(9), Progress::silent()).is_err());
     for scale in [1e-12, 1e12] {
         let triangles: Vec<[DVec3; 3]> = crossing(7, 30).into_iter().map(|t| t.map(|p| scale * p)).collect();
-        let scaled = BlendOrder::new(&triangles, DVec3::Z, usize::MAX, Progress::silent()).unwrap();
-        let plain = BlendOrder::new(&crossing(7, 30), DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+        let scaled = BlendOrder::new(&triangles, DVec3::Z, None, Progress::silent()).unwrap();
+        let plain = BlendOrder::new(&crossing(7, 30), DVec3::Z, None, Progress::silent()).unwrap();
         assert_eq!(scaled.triangles.len(), plain.triangles.len(), "{scale}");
     }
     // So far away that no corner lies in its own triangle's plane.
     let far: Vec<[DVec3; 3]> = crossing(8, 20).into_iter().map(|t| t.map(|p| p + 1e11)).collect();
-    assert!(BlendOrder::new(&far, DVec3::Z, usize::MAX, Progress::silent()).unwrap().nodes.len() <= 1000);
+    assert!(BlendOrder::new(&far, DVec3::Z, None, Progress::silent()).unwrap().nodes.len() <= 1000);
     // All at one position, repeatedly.
-    let same = BlendOrder::new(&vec![triangle; 5000], DVec3::Z, usize::MAX, Progress::silent()).unwrap();
+    let same = BlendOrder::new(&vec![triangle; 5000], DVec3::Z, None, Progress::silent()).unwrap();
     assert_eq!((same.triangles.len(), same.nodes.len()), (5000, 1));
 }
