@@ -36,10 +36,11 @@ def test_the_report_tells_the_errors_by_size(bakes: dict[str, Bake]) -> None:
     assert with_refinement["seconds"]["refine"] > 0.0
 
 
-def test_planes_and_deviations_stay(bakes: dict[str, Bake]) -> None:
-    names = ("billboards", "epsilon", "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion")
+def test_bounds_and_deviations_stay(bakes: dict[str, Bake]) -> None:
     without, with_refinement = (bakes[effort][1]["levels"][1] for effort in ("off", "short"))
-    assert {name: without[name] for name in names} == {name: with_refinement[name] for name in names}
+    assert with_refinement["epsilon"] == without["epsilon"]
+    for name in ("billboards", "max_deviation", "max_deviation_leaves"):
+        assert with_refinement[name] <= without[name]
 
 
 def test_the_texture_changes_and_level_0_does_not(bakes: dict[str, Bake], shrub: Path) -> None:
