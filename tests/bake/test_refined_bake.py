@@ -26,6 +26,7 @@ def bakes(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Ba
 def test_the_report_tells_the_errors_by_size(bakes: dict[str, Bake]) -> None:
     without, with_refinement = (bakes[effort][1]["levels"][1] for effort in ("off", "short"))
     assert without["refined"] is None
+    assert without["refined_planes"] is None
     assert without["seconds"]["refine"] == 0.0
     sizes, ratios = zip(*with_refinement["refined"], strict=True)
     assert sizes[0] <= 256
@@ -33,6 +34,7 @@ def test_the_report_tells_the_errors_by_size(bakes: dict[str, Bake]) -> None:
     assert sizes[-1] >= 32
     assert max(ratios) <= 1.0, "no size became worse"
     assert min(ratios) < 1.0, "something became better"
+    assert max(ratio for _, ratio in with_refinement["refined_planes"]) <= 1.0
     assert with_refinement["seconds"]["refine"] > 0.0
 
 

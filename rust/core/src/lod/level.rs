@@ -270,8 +270,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         tightened(atlas.clone(), page, cutoff, deviation / finer.frame().radius, step.triangles, settings)
     };
     let tuned = Instant::now();
-    let is_refined = settings.refine != Refinement::Off && settings.refined_parts.texels && !settings.blended;
-    let (page, alpha_cutoff, refined) = if !is_refined {
+    let stays = settings.refine == Refinement::Off || settings.blended || !settings.refined_parts.texels;
+    let (page, alpha_cutoff, refined) = if stays {
         (page, alpha_cutoff, None)
     } else {
         let subject = Subject {

@@ -150,7 +150,9 @@ impl Walk<'_> {
                     first.credits(&second, &self.target(view)?, self.parts.len(), |triangle| self.parts.of(triangle));
                 Ok((trials, credits))
             })?;
-            each.iter().for_each(|(trials, credits)| switches.add(trials, credits));
+            for (trials, credits) in &each {
+                switches.add(trials, credits);
+            }
             if step % BETWEEN == 0 {
                 switches.switch(places);
             }

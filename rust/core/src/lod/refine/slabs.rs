@@ -102,7 +102,7 @@ impl Slab {
 
 /// All planes while they move.
 pub struct Slabs {
-    slabs: Vec<Slab>,
+    all: Vec<Slab>,
     /// The corners on each plane, with their bounds.
     corners: Vec<Vec<(DVec3, f64)>>,
     /// Greatest bound.
@@ -116,11 +116,11 @@ impl Slabs {
     pub fn new(parts: &Parts, places: &Places, seed: u64) -> Self {
         let members = Groups::by_key(&places.parents, places.planes.len());
         let planes = || places.planes.iter().zip(members.iter());
-        let slabs = planes().map(|(plane, members)| Slab::new(*plane, parts, members)).collect();
+        let all = planes().map(|(plane, members)| Slab::new(*plane, parts, members)).collect();
         let of = |members: &[u32]| members.iter().flat_map(|&part| parts.bounded(part as usize)).collect();
         let corners: Vec<Vec<(DVec3, f64)>> = planes().map(|(_, members)| of(members)).collect();
         let bound = corners.iter().flatten().map(|(_, bound)| *bound).fold(0.0, f64::max);
-        Self { slabs, corners, bound, seed, grown: (0.0, 0.0) }
+        Self { all, corners, bound, seed, grown: (0.0, 0.0) }
     }
 
     /// Returns the signs of all changes in a pair.
@@ -129,26 +129,26 @@ impl Slabs {
             let mut random = Stream::new(self.seed, pair, plane);
             DVec3::from_array(std::array::from_fn(|_| if random.unit() < 0.5 { 1.0 } else { -1.0 }))
         };
-        (0..self.slabs.len()).map(of_plane).collect()
+        (0..self.all.len()).map(of_plane).collect()
     }
 
     /// Returns the planes, changed by `share` of the changes with these signs.
     pub fn changed(&self, signs: &[DVec3], share: f64) -> Vec<Plane> {
         let change = CHANGE * self.bound * share;
-        self.slabs.iter().zip(signs).map(|(slab, signs)| slab.with(slab.at + *signs * change)).collect()
+        self.all.iter().zip(signs).map(|(slab, signs)| slab.with(slab.at + *signs * change)).collect()
     }
 
     /// Steps against mean slopes; `done` is the share of the steps done.
     pub fn step(&mut self, slopes: &[DVec3], done: f64) {
         self.grown = (1.0 - (1.0 - self.grown.0) * MEMORY.0, 1.0 - (1.0 - self.grown.1) * MEMORY.1);
         let rate = RATE * self.bound * (1.0 - SLOWER * done);
-        for ((slab, slope), corners) in self.slabs.iter_mut().zip(slopes).zip(&self.corners) {
+        for ((slab, slope), corners) in self.all.iter_mut().zip(slopes).zip(&self.corners) {
             slab.step(*slope, rate, self.grown, corners);
         }
     }
 
     /// Returns the planes.
     pub fn planes(&self) -> Vec<Plane> {
-        self.slabs.iter().map(|slab| slab.with(slab.at)).collect()
+        self.all.iter().map(|slab| slab.with(slab.at)).collect()
     }
 }
