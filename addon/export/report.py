@@ -155,6 +155,7 @@ def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:
         "in_plane_motion": 0.0,
         "image_error": 0.0,
         "refined": None,
+        "refined_planes": None,
         "switch_distance": 0.0,
         "seconds": {"fit": 0.0, "pack": 0.0, "bake": 0.0, "look": 0.0, "refine": 0.0, "write": write_seconds},
     }
@@ -227,6 +228,7 @@ def _level(
         "in_plane_motion": level.in_plane_motion,
         "image_error": level.image_error,
         "refined": level.refined,
+        "refined_planes": level.refined_planes,
         "switch_distance": switch_distance,
         "seconds": {**level.seconds, "write": write_seconds},
     }

@@ -272,10 +272,10 @@ class LevelSettings:
     refine: Annotated[
         Refine,
         Setting(
-            "Change color and alpha of the billboards' textures until pictures of them look like those of the leaves",
+            "Change planes and textures of the billboards until pictures of them look like those of the leaves",
             "NAME",
             choices={
-                "off": "textures stay as they are baked",
+                "off": "billboards stay as they are fitted and baked",
                 "short": "some seconds for each level",
                 "long": "some tens of seconds for each level",
             },

@@ -28,7 +28,7 @@ CHUNK = 128
 LEVEL_KEYS = {
     "level", "method", "epsilon", "candidates", "billboards", "triangles", "texels", "atlas_occupancy",
     "max_deviation", "mean_deviation", "max_deviation_leaves", "in_plane_motion", "image_error", "switch_distance",
-    "refined", "seconds", "trunk_triangles", "drawing", "texture_size",
+    "refined", "refined_planes", "seconds", "trunk_triangles", "drawing", "texture_size",
 }  # fmt: skip
 
 

@@ -108,7 +108,7 @@ fn centroid(foliage: &Foliage, triangles: &[u32]) -> DVec3 {
 }
 
 /// The affine map that lays one leaf into its plane.
-struct Lay {
+pub(crate) struct Lay {
     plane: Plane,
     /// The projected pivot, a fixed point of the map.
     pivot: DVec3,
@@ -119,7 +119,7 @@ struct Lay {
 }
 
 impl Lay {
-    fn new(foliage: &Foliage, triangles: &[u32], plane: Plane, pivot: DVec3, limit: f64) -> Self {
+    pub fn new(foliage: &Foliage, triangles: &[u32], plane: Plane, pivot: DVec3, limit: f64) -> Self {
         let (mut sum, mut area, mut projected) = (DVec3::ZERO, 0.0, 0.0);
         for &t in triangles {
             let vector = foliage.area_vector(t as usize);
@@ -137,7 +137,7 @@ impl Lay {
         }
     }
 
-    fn target(&self, point: DVec3) -> DVec3 {
+    pub fn target(&self, point: DVec3) -> DVec3 {
         let projected = self.plane.project(point);
         let order = self.plane.normal * (self.plane.height(point) * DEPTH_ORDER);
         projected + order + self.steepest * (self.excess * self.steepest.dot(projected - self.pivot))

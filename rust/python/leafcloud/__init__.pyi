@@ -368,7 +368,12 @@ class Level:
     @property
     def refined(self) -> list[tuple[int, float]] | None:
         """Effect of the refinement in pictures of views that no step of it used: sides in pixels, each with the
-        mean absolute error relative to that before; 1.0 where nothing changed. ``None`` without refinement."""
+        mean absolute error relative to that before; 1.0 where nothing changed. ``None`` without refinement of the
+        textures."""
+    @property
+    def refined_planes(self) -> list[tuple[int, float]] | None:
+        """Effect of the refinement of the planes, like ``refined``, in pictures of the collapsed leaves. ``None``
+        without it."""
     @property
     def mean_deviation(self) -> float:
         """Area-weighted mean deviation from the level before, fraction of R. For the cross impostor: mean distance of
@@ -782,6 +787,7 @@ class LevelOptions(FitOptions, total=False):
     tight_pages: bool  # True
     pixels: float  # 8.0
     refine: Refine  # "off"
+    refine_parts: Sequence[Literal["planes", "texels"]]  # ("planes", "texels")
     order_by_visibility: bool  # True
 
 class ChainOptions(LevelOptions, total=False):
@@ -894,9 +900,12 @@ def build_chain(
     ``contrast``: also measure the contrast.
     ``close_gaps``: close gaps between billboards: each also shows the parts of other billboards' leaves within ε of
     its plane.
-    ``refine``: change color and alpha of the clouds' textures until pictures of them look like those of the leaves, in
-    some seconds ("short") or some tens of seconds ("long") for each cloud. A texture stays as it is if other pictures
-    do not become better at every size (``Level.refined``). Blended billboards are not refined.
+    ``refine``: change the clouds until pictures of them look like those of the leaves, in some seconds ("short") or
+    some tens of seconds ("long") for each cloud: the plane of each leaf, offset and tilt of the planes (only "long"),
+    then color and alpha of the textures. Planes stay within the error bound. Planes, and then a texture, stay as they
+    are if other pictures do not become better, or become worse at any size (``Level.refined_planes``,
+    ``Level.refined``). Blended billboards are not refined.
+    ``refine_parts``: the parts of the refinement, for measurements.
     ``blended``: alpha-blended billboards; ``Level.alpha_cutoff`` is 0. Draw them from back to front
     (:func:`blend_order`).
 

@@ -404,6 +404,11 @@ impl PyLevel {
     }
 
     #[getter]
+    fn refined_planes(&self) -> Option<Vec<(usize, f64)>> {
+        self.level().refined_planes.as_ref().map(|refined| refined.errors.clone())
+    }
+
+    #[getter]
     fn mean_deviation(&self) -> f64 {
         self.level().mean_deviation / self.radius
     }

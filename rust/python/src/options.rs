@@ -3,7 +3,7 @@
 use glam::DVec3;
 use leafcloud::atlas::PageSize;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
-use leafcloud::lod::{ChainSettings, PruneSettings, ViewCounts};
+use leafcloud::lod::{ChainSettings, PruneSettings, RefinedParts, ViewCounts};
 use leafcloud::textures::Channels;
 use leafcloud_curve::{Form, Last, Preset, Sweep, Wish};
 use pyo3::prelude::*;
@@ -144,6 +144,20 @@ impl<'py> Options<'py> {
         Ok(keep.map(|_| settings))
     }
 
+    fn refined_parts(&self, default: RefinedParts) -> PyResult<RefinedParts> {
+        let parts = |v: &Bound<'py, PyAny>| {
+            let names: Vec<String> = read(v, "refine_parts", "a list of names")?;
+            match names.iter().find(|name| !["planes", "texels"].contains(&name.as_str())) {
+                Some(other) => Err(refuse(format!("refine_parts has {other:?}; use \"planes\" and \"texels\""))),
+                None => Ok(RefinedParts {
+                    planes: names.iter().any(|name| name == "planes"),
+                    texels: names.iter().any(|name| name == "texels"),
+                }),
+            }
+        };
+        self.take("refine_parts", parts, default)
+    }
+
     pub fn chain(&self) -> PyResult<ChainSettings> {
         let default = ChainSettings::default();
         let sides = |v: &Bound<'py, PyAny>| read(v, "back_sides", "True, False or None");
@@ -177,6 +191,7 @@ impl<'py> Options<'py> {
             tight_pages: self.flag("tight_pages", default.tight_pages)?,
             pixels: self.number("pixels", default.pixels)?,
             refine: self.named(default.refine)?,
+            refined_parts: self.refined_parts(default.refined_parts)?,
             views: if self.flag("order_by_visibility", true)? {
                 default.views
             } else {

@@ -129,6 +129,12 @@ pub(crate) fn fit_within(
     Ok(cloud)
 }
 
+/// Returns how far the corners of a triangle may be from any plane, in local units, in a cloud with this bound (caller's units).
+pub(crate) fn motion_bound(foliage: &Foliage, triangle: usize, bound: f64, image: Option<ImageBound>) -> f64 {
+    let greatest = bound / foliage.frame().radius * (1.0 - ROUNDING_MARGIN);
+    f64::from(Bounds { greatest, image }.of(foliage.corners(triangle)))
+}
+
 /// Number of roundings between the local frame and the caller's coordinates: a vertex, a plane's distance, and their products.
 const ROUNDINGS: f64 = 8.0;
 

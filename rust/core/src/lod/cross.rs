@@ -91,6 +91,7 @@ pub(super) fn build(
         ranks: billboard_ranks(&atlas, &frame, settings.fit.seed)?,
         mean_deviation: sum / count as f64 * frame.radius,
         refined: None,
+        refined_planes: None,
         in_plane_motion: 0.0,
         max_deviation_leaves: farthest * frame.radius,
         coverage,

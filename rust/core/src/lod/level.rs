@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::billboards::{billboard_ranks, billboards};
 use super::cross;
 use super::references::References;
-use super::refine::Refined;
+use super::refine::{Arrangement, Refined};
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
 use super::tight::{Shown, with_polygons};
@@ -38,7 +38,7 @@ pub struct Seconds {
     pub bake: f64,
     /// Stretch limit, alpha cutoff, tone, polygons, report.
     pub metrics: f64,
-    /// Refinement of the textures.
+    /// Refinement of planes and textures.
     pub refine: f64,
 }
 
@@ -80,8 +80,10 @@ pub struct Level {
     /// Bound on the deviation from the leaves: the sum of the deviations of all levels so far; for the cross impostor, the greatest
     /// distance of a corner from the nearest plane.
     pub max_deviation_leaves: f64,
-    /// What the refinement changed; `None` without one.
+    /// What the refinement of the textures changed; `None` without one.
     pub refined: Option<Refined>,
+    /// What the refinement of the planes changed, in pictures of the collapsed leaves; `None` without one.
+    pub refined_planes: Option<Refined>,
     /// Alpha over the leaves' alpha, as the mean over the report's views.
     pub coverage: f64,
     /// Pictures of the leaves and of the level in the report's views.
@@ -151,8 +153,9 @@ struct Layout {
     projection: Projection,
     atlas: Atlas,
     two_sided: bool,
-    /// Measured seconds: for fitting the planes, and for choosing the stretch limit.
-    seconds: [f64; 2],
+    refined: Option<Refined>,
+    /// Measured seconds: for fitting the planes, for refining them, and for choosing the stretch limit.
+    seconds: [f64; 3],
 }
 
 fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
@@ -160,7 +163,9 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     let two_sided = settings.back_sides.unwrap_or_else(|| finer.is_single_sided());
     let cloud = fitted(step, two_sided, settings.pixels, progress.part(0.0, 0.6))?;
     let fitted = Instant::now();
-    progress.tell("pack", 0.6)?;
+    let (cloud, refined) = arranged(step, settings, cloud, progress.part(0.6, 0.9))?;
+    let arranged = Instant::now();
+    progress.tell("pack", 0.9)?;
     let (_, projection) = tune::projection(finer, &cloud, &step.references.tuning)?;
     let projected = Instant::now();
     let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &step.opacity);
@@ -174,8 +179,32 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     };
     let choice = PageChoice { most: step.page, texel, back_sides: two_sided, tight: settings.tight_pages };
     let atlas = Atlas::pack_smallest(&cloud.planes, &outlines, choice)?;
-    let seconds = [fitted - started, projected - fitted].map(|time| time.as_secs_f64());
-    Ok(Layout { cloud, projection, atlas, two_sided, seconds })
+    let seconds = [fitted - started, arranged - fitted, projected - arranged].map(|time| time.as_secs_f64());
+    Ok(Layout { cloud, projection, atlas, two_sided, refined, seconds })
+}
+
+/// Returns the cloud with planes refined by pictures, and what changed.
+fn arranged(
+    step: &Step,
+    settings: &ChainSettings,
+    cloud: Cloud,
+    progress: Progress,
+) -> Result<(Cloud, Option<Refined>)> {
+    if settings.blended || !settings.refined_parts.planes {
+        return Ok((cloud, None));
+    }
+    let deviation = step.deviation + cloud.max_deviation();
+    let arrangement = Arrangement {
+        finer: step.finer,
+        opacity: &step.opacity,
+        leaves: step.leaves,
+        amounts: &step.references.tuning,
+        image: step.fit.image,
+        up: settings.up,
+        radius_pixels: settings.pixels * step.radius / deviation.max(f64::MIN_POSITIVE),
+        seed: settings.fit.seed,
+    };
+    arrangement.refined(cloud, settings.refine, progress)
 }
 
 /// Returns the planes within ε. A wished number of triangles is met by a larger ε if small billboards alone do not meet it.
@@ -201,7 +230,7 @@ fn fitted(step: &Step, two_sided: bool, pixels: f64, progress: Progress) -> Resu
 
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let (started, finer) = (Instant::now(), step.finer);
-    let Layout { cloud, projection, atlas, two_sided, seconds: [fit, stretch] } =
+    let Layout { cloud, projection, atlas, two_sided, refined: refined_planes, seconds: [fit, arranging, stretch] } =
         layout(step, settings, progress.part(0.0, 0.65))?;
     let packed = Instant::now();
 
@@ -251,6 +280,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         ranks,
         mean_deviation: cloud.mean_deviation(finer),
         refined: None,
+        refined_planes,
         in_plane_motion: projection.in_plane_motion(finer, &cloud) * finer.frame().radius,
         max_deviation_leaves: deviation,
         coverage,
@@ -263,10 +293,10 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         page,
         seconds: Seconds {
             fit,
-            pack: (packed - started).as_secs_f64() - fit - stretch,
+            pack: (packed - started).as_secs_f64() - fit - arranging - stretch,
             bake: (baked - packed).as_secs_f64(),
             metrics: stretch + baked.elapsed().as_secs_f64(),
-            refine: 0.0,
+            refine: arranging,
         },
         channel_seconds,
         engine: Arc::default(),

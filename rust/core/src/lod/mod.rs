@@ -24,7 +24,7 @@ pub use draft::{Draft, Drafts, settled_fit};
 pub use level::{Level, Mip, Seconds};
 pub use octahedral::Octahedral;
 pub use references::{References, report_pictures};
-pub use refine::{Refined, Refinement};
+pub use refine::{Refined, RefinedParts, Refinement};
 pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
 pub use size::is_published;

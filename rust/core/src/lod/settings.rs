@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::refine::Refinement;
+use super::refine::{RefinedParts, Refinement};
 use crate::atlas::PageSize;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, ImageBound, Method};
@@ -95,8 +95,10 @@ pub struct ChainSettings {
     pub pixels: f64,
     /// Numbers of view directions.
     pub views: ViewCounts,
-    /// Refinement of the textures of billboard clouds by pictures. Blended billboards are not refined.
+    /// Refinement of planes and textures of billboard clouds by pictures. Blended billboards are not refined.
     pub refine: Refinement,
+    /// Parts of the refinement; others than all are for measurements.
+    pub refined_parts: RefinedParts,
 }
 
 /// Settings for pruning the leaves before level 1 takes over.
@@ -160,6 +162,7 @@ impl Default for ChainSettings {
             pixels: 8.0,
             views: ViewCounts::default(),
             refine: Refinement::default(),
+            refined_parts: RefinedParts::default(),
         }
     }
 }

@@ -12,8 +12,8 @@ pub use drawing::{DrawingCost, counted_views, drawing_cost};
 use light::Light;
 pub(crate) use light::brightness;
 use render::silhouette;
-pub(crate) use render::texture_points;
 pub use render::{View, render, render_lit, render_watched, seen_behind};
+pub(crate) use render::{shown_points, texture_points};
 pub use visibility::{LeafSamples, visibility};
 
 use std::collections::BTreeMap;

@@ -120,6 +120,45 @@ pub fn texture_points(foliage: &Foliage, view: &View) -> Result<Vec<Vec4>> {
     Ok(canvas.pixels)
 }
 
+/// What a shader of [`shown_points`] shows.
+enum Mark {
+    /// Base color in linear light.
+    Color,
+    /// Index of the triangle: its lower 16 bits and the rest.
+    Triangle,
+}
+
+impl Shader for Mark {
+    fn shade(&self, seen: &Seen) -> Vec3 {
+        match self {
+            Self::Color => Channel::BaseColor.shade(seen),
+            Self::Triangle => {
+                let index = seen.triangle.triangle;
+                Vec3::new((index & 0xFFFF) as f32, (index >> 16) as f32, 0.0)
+            }
+        }
+    }
+}
+
+/// Returns base color in linear light, with 1, and the triangle in the middle of each pixel; zeros and `u32::MAX` where nothing is drawn.
+/// `corners` has the local places of each triangle's corners, which may be others than those of `foliage`.
+///
+/// # Errors
+/// Those of [`render()`].
+pub fn shown_points(
+    foliage: &Foliage,
+    corners: impl Fn(usize) -> [DVec3; 3] + Sync,
+    view: &View,
+) -> Result<(Vec<Vec4>, Vec<u32>)> {
+    let eye = checked(&[foliage], view)?;
+    let triangles = placed(foliage, corners, view, eye);
+    let samples = Samples::new(1)?.unfiltered();
+    let mut canvases = rasterise(&triangles, view.size, view.size, samples, &[Mark::Color, Mark::Triangle]);
+    let index = |p: &Vec4| if p.w > 0.0 { p.x as u32 | (p.y as u32) << 16 } else { u32::MAX };
+    let triangles = canvases[1].pixels.iter().map(index).collect();
+    Ok((canvases.swap_remove(0).pixels, triangles))
+}
+
 /// Returns the number of samples that show each triangle.
 ///
 /// # Errors
@@ -140,6 +179,12 @@ pub fn seen_behind(leaves: Option<&Foliage>, parts: &[&Foliage], view: &View) ->
 
 /// Returns all triangles in screen coordinates.
 fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangle<'a>>> {
+    let eye = checked(parts, view)?;
+    Ok(parts.iter().flat_map(|&part| placed(part, |triangle| part.corners(triangle), view, eye)).collect())
+}
+
+/// Checks a view of parts, and returns its direction with length 1.
+fn checked(parts: &[&Foliage], view: &View) -> Result<DVec3> {
     let eye = unit(view.direction, "the view's direction")?;
     let radius_counts = view.radius > 0.0 && view.radius.is_finite();
     if !radius_counts || !(1..=16_384).contains(&view.size) {
@@ -149,24 +194,30 @@ fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangl
         )));
     }
     check_place(parts, view)?;
+    Ok(eye)
+}
+
+/// Returns the triangles of a part in screen coordinates, with corners at these local places.
+fn placed<'a>(
+    foliage: &'a Foliage,
+    corners: impl Fn(usize) -> [DVec3; 3] + Sync,
+    view: &View,
+    eye: DVec3,
+) -> Vec<ScreenTriangle<'a>> {
     let [right, up] = view.axes(eye);
     let half = view.size as f64 / 2.0;
     let to_screen = |p: DVec3| {
         let q = (p - view.centre) / view.radius;
         DVec3::new(half + half * right.dot(q), half - half * up.dot(q), eye.dot(q)).as_vec3()
     };
-    let mut triangles: Vec<ScreenTriangle> = Vec::new();
-    for &foliage in parts {
-        let place = |triangle: usize| ScreenTriangle {
-            reach: f32::INFINITY,
-            corners: foliage.corners(triangle).map(|p| to_screen(foliage.frame().to_caller(p))),
-            foliage,
-            triangle: triangle as u32,
-            window: &Window::WHOLE,
-        };
-        triangles.par_extend((0..foliage.triangle_count()).into_par_iter().map(place));
-    }
-    Ok(triangles)
+    let place = |triangle: usize| ScreenTriangle {
+        reach: f32::INFINITY,
+        corners: corners(triangle).map(|p| to_screen(foliage.frame().to_caller(p))),
+        foliage,
+        triangle: triangle as u32,
+        window: &Window::WHOLE,
+    };
+    (0..foliage.triangle_count()).into_par_iter().map(place).collect()
 }
 
 /// Returns the direction with length 1.

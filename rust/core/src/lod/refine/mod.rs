@@ -1,5 +1,6 @@
-//! Refinement: the texels of a level, changed until its pictures look like those of the leaves.
+//! Refinement by pictures: first of planes and of the leaves on them ([`planes`]), then of texels, which this module changes.
 //!
+//! The texels of a level are changed until its pictures look like those of the leaves.
 //! The bake projects leaves onto planes and chooses one cutoff. A leaf on its plane appears beside its true place, at another side in each
 //! view, and covers other leaves there. The best color and outline from all sides follow from no rule, but from pictures. So each step
 //! draws the leaves and the level from new directions, and credits the difference to the texels that show it:
@@ -16,16 +17,20 @@
 //! derivatives of the rasterizer, as here.
 //!
 //! After each round test views measure the gain ([`gain`]). A page counts only if it is better in them on the whole and worse at no size. Planes and
-//! the morph do not change, nor do other channels: color and alpha alone move, and polygons follow the new outlines.
+//! the morph do not change any more, nor do other channels: color and alpha alone move, and polygons follow the new outlines.
 //!
 //! Sums have a fixed order: texels collect their credits billboard by billboard, in the order of views and pixels. O(steps · views ·
-//! (pixels + fragments)), plus O(texels) a step. Known limit: alpha that is far from the cutoff does not move, and leaves stay on their
-//! planes.
+//! (pixels + fragments)), plus O(texels) a step. Known limit: alpha that is far from the cutoff does not move.
 
 mod credit;
 mod gain;
 mod of_level;
+mod pairs;
+mod parts;
 mod picture;
+mod planes;
+mod slabs;
+mod switches;
 mod texels;
 
 use glam::DVec3;
@@ -34,6 +39,7 @@ use rayon::prelude::*;
 use self::credit::{Credits, Drawn};
 use self::gain::{Gain, TestViews};
 use self::picture::Target;
+pub(super) use self::planes::Arrangement;
 use self::texels::{Rates, Texels};
 use super::billboards::billboards;
 use super::tune;
@@ -90,6 +96,22 @@ impl Refinement {
             Self::Short => Plan { rounds: 1, steps: 5, views: 4 },
             Self::Long => Plan { rounds: 4, steps: 6, views: 6 },
         }
+    }
+}
+
+/// Parts of a refinement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RefinedParts {
+    /// Planes, and the plane of each leaf.
+    pub planes: bool,
+    /// Color and alpha of the textures.
+    pub texels: bool,
+}
+
+impl Default for RefinedParts {
+    /// All.
+    fn default() -> Self {
+        Self { planes: true, texels: true }
     }
 }
 

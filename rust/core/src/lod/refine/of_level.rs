@@ -1,4 +1,4 @@
-//! The refinement of a finished level: its textures change, and with them its polygons and its figures.
+//! The refinement of a level's textures, and with them of its polygons and its figures.
 
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ use crate::progress::Progress;
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
-    if settings.refine == Refinement::Off || level.alpha_cutoff == 0.0 {
+    if settings.refine == Refinement::Off || !settings.refined_parts.texels || level.alpha_cutoff == 0.0 {
         return Ok(level);
     }
     let started = Instant::now();
@@ -40,6 +40,6 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
     level.pictures = step.references.report.compare(&shown)?;
     level.coverage = level.pictures.coverage();
     tune::check_shown(level.coverage, &level.page, alpha_cutoff)?;
-    level.seconds.refine = started.elapsed().as_secs_f64();
+    level.seconds.refine += started.elapsed().as_secs_f64();
     Ok(level)
 }
