@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::billboards::{billboard_ranks, billboards};
 use super::cross;
@@ -179,7 +179,8 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     };
     let choice = PageChoice { most: step.page, texel, back_sides: two_sided, tight: settings.tight_pages };
     let atlas = Atlas::pack_smallest(&cloud.planes, &outlines, choice)?;
-    let seconds = [fitted - started, arranged - fitted, projected - arranged].map(|time| time.as_secs_f64());
+    let arranging = if refined.is_some() { arranged - fitted } else { Duration::ZERO };
+    let seconds = [fitted - started, arranging, projected - arranged].map(|time| time.as_secs_f64());
     Ok(Layout { cloud, projection, atlas, two_sided, refined, seconds })
 }
 
