@@ -120,6 +120,8 @@ def own_temporary_folder() -> None:
 
     from .locked_folders import locked_folder
 
+    with step():
+        tempfile.gettempdir()  # Tries a file of any name in the folder: no later bake could tell what it is.
     remove_left_behind()
     with step():
         own, _ = locked_folder(Path(tempfile.gettempdir()), _TEMPORARY)

@@ -271,7 +271,10 @@ class Trial:
             score.told[-1] += f" | rerun: {status} {line[:140]}"
         score.lost += len(self.after.keys() - found.keys())
         others = [each for folder in (out, temporary) if folder.is_dir() for each in folder.iterdir()]
-        score.left += len([each for each in others if each.name not in self.after])
+        left = [each.name for each in others if each.name not in self.after]
+        score.left += len(left)
+        if left:
+            score.told[-1] += f" | left: {', '.join(left)}"
 
     @staticmethod
     def matches(found: dict[str, str], files: dict[str, str]) -> bool:

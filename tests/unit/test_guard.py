@@ -95,6 +95,26 @@ def test_a_signal_at_the_first_moment_is_answered(start: Start) -> None:
     assert ended(process) == (128 + signal.SIGTERM, "answered\n")
 
 
+def test_the_trial_of_the_folder_for_temporary_files_is_not_interrupted(start: Start, tmp_path: Path) -> None:
+    """Python writes a file into the folder and removes it."""
+    lines = """
+import tempfile
+find = tempfile.gettempdir
+def slowly():
+    tempfile.gettempdir = find
+    open("temporary/trial", "w").close()
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(0.5)
+    os.remove("temporary/trial")
+    return find()
+tempfile.gettempdir = slowly
+ending.own_temporary_folder()
+time.sleep(100)
+"""
+    assert ended(start("import signal\n" + lines)) == (128 + signal.SIGTERM, "answered\n")
+    assert not list((tmp_path / "temporary").iterdir())
+
+
 def test_an_ignored_interrupt_stays_ignored(start: Start) -> None:
     """As for a process in the background of a script."""
     process = subprocess.Popen(
