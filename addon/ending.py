@@ -121,7 +121,7 @@ def own_temporary_folder() -> None:
     from .locked_folders import locked_folder
 
     with step():
-        tempfile.gettempdir()  # Tries a file of any name in the folder: no later bake could tell what it is.
+        tempfile.gettempdir()  # Tries a file with a random name in the folder: no later bake would remove it.
     remove_left_behind()
     with step():
         own, _ = locked_folder(Path(tempfile.gettempdir()), _TEMPORARY)

@@ -327,8 +327,17 @@ def add_object(name: str, surface: Surface, made: bpy.types.Material) -> None:
 
 def write(name: str, folder: Path, seed: int = 1) -> Path:
     """Write the plant with this name into a folder; the open scene is lost. Return the file."""
+    return save(PLANTS[name](random_of(name, seed)), name, folder)
+
+
+def random_of(name: str, seed: int) -> np.random.Generator:
+    """Return the random numbers of the plant with this name."""
+    return np.random.default_rng([seed, zlib.crc32(name.encode())])
+
+
+def save(plant: Plant, name: str, folder: Path) -> Path:
+    """Write a plant into a file with this name in a folder; the open scene is lost. Return the file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    plant = PLANTS[name](np.random.default_rng([seed, zlib.crc32(name.encode())]))
     add_object("leaves", plant.leaves, material("leaf", plant.color, cut_out=plant.cards))
     if plant.stem.faces:
         add_object("stem", plant.stem, material("bark", (0.35, 0.25, 0.18), cut_out=False))

@@ -73,7 +73,7 @@ class Subject:
 
     @cached_property
     def billboards(self) -> int:
-        """Number of billboards of the published method, whose file this writes."""
+        """Number of billboards of the published method. Writes the files of the other methods, too."""
         return make_alternatives(self.tree, self.folder)
 
     @cached_property

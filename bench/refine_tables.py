@@ -227,7 +227,7 @@ PARTS: dict[str, Callable[[Sequence[Row]], str]] = {
     "flight": flight_part,
     "ablation": ablation_part,
 }
-"""Sections of what is measured on request, by the name of the results."""
+"""Sections of the document for measurements on request, by the name of the results."""
 
 
 def write_chart(rows: Sequence[Row], path: Path) -> None:

@@ -12,11 +12,9 @@ from __future__ import annotations
 
 import argparse
 import math
-import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-import bpy
 import numpy as np
 from plants import (
     UP,
@@ -24,11 +22,11 @@ from plants import (
     Vectors,
     add_blade,
     add_card,
-    add_object,
     add_tube,
     arch,
     direction,
-    material,
+    random_of,
+    save,
     unit,
 )
 
@@ -112,14 +110,7 @@ TREES: dict[str, Callable[[np.random.Generator], Plant]] = {"birch": birch, "wal
 
 def write(name: str, folder: Path) -> Path:
     """Write the tree with this name into a folder; the open scene is lost. Return the file."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    plant = TREES[name](np.random.default_rng([SEED, zlib.crc32(name.encode())]))
-    add_object("leaves", plant.leaves, material("leaf", plant.color, cut_out=plant.cards))
-    add_object("stem", plant.stem, material("bark", (0.35, 0.25, 0.18), cut_out=False))
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.glb"
-    bpy.ops.export_scene.gltf(filepath=str(path))
-    return path
+    return save(TREES[name](random_of(name, SEED)), name, folder)
 
 
 def main() -> None:

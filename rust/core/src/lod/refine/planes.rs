@@ -2,8 +2,8 @@
 //! leaves.
 //!
 //! At a = 1 each leaf lies on its plane, so no texture is needed: pictures of the collapsed leaves have nearly the whole error of a level.
-//! The fit gives each leaf the nearest plane, and each plane the nearest place. Pictures know more: which leaves are seen, from where, and
-//! what covers them there.
+//! The fit gives each leaf the nearest plane, and each plane the nearest place. Pictures know more: which leaves are seen from a direction,
+//! and which leaves they cover.
 //!
 //! Each step draws the leaves from new directions, and for each direction a pair of pictures with all parameters changed at random at once:
 //! leaves on other planes that hold them ([`switches`](super::switches)), or planes with other offsets and tilts ([`slabs`](super::slabs)).
