@@ -30,10 +30,10 @@ from typing import Any
 import numpy as np
 import refine_cycles
 from commits import is_current, measured_commit
-from fidelity import FOLIAGE, ROOT, TREE_LIMIT, flip, rendered, run, smaller, triangles
+from fidelity import FOLIAGE, ROOT, TREE_LIMIT, flip, run, smaller, triangles
 from numpy.typing import NDArray
 from refine_checks import failures, summary
-from refine_levels import ABLATION, BAKES, LARGEST, SAMPLES, Subject, errors, file_size, for_engines
+from refine_levels import ABLATION, BAKES, LARGEST, Subject, encoded, engine_errors, errors, file_size, size_nearest
 from refine_tables import write_page
 
 import leafcloud
@@ -52,18 +52,19 @@ def measure_levels(subject: Subject) -> Row:
     row: Row = {"billboards": subject.billboards, "literal": errors(seen, subject.pictures(paper))}
     halved, crown = file_size(subject.level("off").level, base.radius)
     row |= {"halvings": halved, "takes_over": crown}
+    shrunk = LARGEST // size_nearest(crown)
     pictures = {"leaves": seen}
     for name in BAKES:
         level, seconds = subject.level(name).level, subject.level(name).seconds
         pictures[name] = subject.pictures(level.foliage())
-        collapsed = rendered(base, [level.morphed(base, leafcloud.HAND_OVER)], LARGEST // 2, SAMPLES)
+        collapsed = subject.pictures(level.morphed(base, leafcloud.HAND_OVER))
         row[name] = {
             **errors(seen, pictures[name]),
             "seconds": seconds,
             "refine": level.seconds["refine"],
             "billboards": len(level.plane_ids),
-            "engine": errors(seen, subject.pictures(for_engines(level, halved))),
-            "hand_over": flip(collapsed, smaller(pictures[name], 2)),
+            "engine": engine_errors(seen, base, level, halved),
+            "hand_over": flip(smaller(collapsed, shrunk), smaller(pictures[name], shrunk)),
         }
     if subject.tree.stem == PICTURED:
         row_of_pictures = [over_gray(smaller(pictures[name], 2)[VIEW]) for name in ("leaves", "off", "long")]
@@ -98,7 +99,7 @@ PARTS: dict[str, Callable[[Subject], Row]] = {
 def over_gray(picture: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return a premultiplied picture in linear light as codes over mid-gray, opaque."""
     light = picture[..., :3] / np.maximum(picture[..., 3:], 1e-6)
-    codes = np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 1e-9) ** (1 / 2.4) - 0.055)
+    codes = encoded(light)
     shown = np.full(picture.shape, 255, np.uint8)
     shown[..., :3] = np.rint(255.0 * (codes * picture[..., 3:] + 0.5 * (1.0 - picture[..., 3:])))
     return shown

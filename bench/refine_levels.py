@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +34,10 @@ from addon.settings.bake import BakeSettings
 
 LARGEST, SAMPLES = 512, 8
 """Side of the pictures, and samples along a pixel's side. Smaller pictures are means of these."""
+SMALL = 64
+"""Side of the pictures in which the coverage of pages for engines is measured: about where levels take over."""
+PICTURE_RADIUS = 1.025
+"""Half the width of a picture, in R (bench/fidelity.py)."""
 PAPER: dict[str, Any] = {"effort": "literal", "candidates": int(CANDIDATES), "seed": int(SEED), "extra_error": 0.0}
 """The fit of the published method."""
 BAKES: dict[str, dict[str, Any]] = {effort: {"refine": effort} for effort in ("off", "short", "long")}
@@ -124,11 +129,51 @@ def file_size(level: leafcloud.Level, radius: float) -> tuple[int, float]:
     return halvings(pixels_of(level.texel_size, takes_over, view)), pixels_of(2.0 * radius, takes_over, view)
 
 
-def for_engines(level: leafcloud.Level, halved: int) -> leafcloud.Foliage:
-    """Return the billboards with the page of a GLB file."""
+def size_nearest(crown: float) -> int:
+    """Return the size of the pictures in which a crown is nearest to so many pixels."""
+    return min(SIZES, key=lambda size: abs(math.log(size / PICTURE_RADIUS / crown)))
+
+
+def engine_errors(seen: Pictures, base: leafcloud.Foliage, level: leafcloud.Level, halved: int) -> dict[str, float]:
+    """Return the errors of the billboards with the page of a GLB file, by the size of the pictures, and the coverage at
+    SMALL. At each size, the billboards have the mip level with texels nearest to a pixel, as an engine makes it."""
     page, cutoff = level.for_engines(halved)
-    leaf = leafcloud.Material(image=page, alpha_mode="MASK", alpha_cutoff=cutoff)
-    return leafcloud.Foliage(level.corners, fans(level.polygon_sizes), uvs=level.uvs, materials=[leaf])
+    mips = box_filtered(page)
+    found = {}
+    for size in SIZES:
+        texels_per_pixel = 2.0 * PICTURE_RADIUS * base.radius / size / (level.texel_size * 2**halved)
+        mip = min(max(round(math.log2(texels_per_pixel)), 0), len(mips) - 1)
+        leaf = leafcloud.Material(image=mips[mip], alpha_mode="MASK", alpha_cutoff=cutoff)
+        shown = leafcloud.Foliage(level.corners, fans(level.polygon_sizes), uvs=level.uvs, materials=[leaf])
+        pictures = rendered(base, [shown], size, SAMPLES * LARGEST // size)
+        leaves = smaller(seen, LARGEST // size)
+        found[str(size)] = flip(leaves, pictures)
+        if size == SMALL:
+            found["coverage"] = coverage(leaves, pictures)
+    return found
+
+
+def box_filtered(page: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Return a page and its mip levels, by means of 2 × 2 texels in linear light, down to 8 texels."""
+    levels = [page]
+    while min(levels[-1].shape[:2]) >= 16:
+        height, width = (side // 2 for side in levels[-1].shape[:2])
+        texels = levels[-1][: 2 * height, : 2 * width] / 255.0
+        texels[..., :3] = linear(texels[..., :3])
+        means = texels.reshape(height, 2, width, 2, 4).mean((1, 3))
+        means[..., :3] = encoded(means[..., :3])
+        levels.append(np.rint(255.0 * means).astype(np.uint8))
+    return levels
+
+
+def linear(codes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return sRGB codes from 0 to 1 as linear light."""
+    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+
+
+def encoded(light: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return linear light from 0 to 1 as sRGB codes."""
+    return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 1e-9) ** (1.0 / 2.4) - 0.055)
 
 
 def fans(corners: NDArray[np.uint32]) -> NDArray[np.int64]:

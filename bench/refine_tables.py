@@ -45,9 +45,9 @@ FLIP of level 1 against the seconds of its fit, its bake and its refinement, on 
 ENGINES = """## Pages for engines
 
 [Files for engines](../decisions/engine_textures.md) halve and filter textures again. These are the same levels with the
-page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over. Engines draw it
-smaller only. The metrics draw it without smaller mip levels. *off*: FLIP at {sizes};
-*short*, *long*: relative to *off*."""
+page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over, drawn at each size
+with the mip level whose texels are nearest to a pixel. Engines draw it at that size and smaller. Coverage is measured at
+64². *off*: FLIP at {sizes}; *short*, *long*: relative to *off*."""
 
 CYCLES = """## In Cycles
 
@@ -62,8 +62,8 @@ their outlines count. *colors*: FLIP by the metrics from 8 views, with the leave
 
 HAND_OVERS = """## Hand-overs
 
-FLIP at 256² between the leaves as they lie on their billboards where level 1 takes over, and level 1: the change that a
-cross-fade hides. It is not the error against the leaves."""
+FLIP between the leaves as they lie on their billboards where level 1 takes over, and level 1, in pictures of the size
+nearest to the crown's there: the change that a cross-fade hides. It is not the error against the leaves."""
 
 FLIGHT = """## On a flight
 
@@ -162,13 +162,13 @@ def suns_part(rows: Sequence[Row]) -> str:
 
 def hand_over_part(rows: Sequence[Row]) -> str:
     changes = np.array([[row["levels"][name]["hand_over"] for name in EFFORTS] for row in rows])
+    crowns = [f"{row['levels']['takes_over']:.0f} pixels" for row in rows]
     body = [
-        [row["tree"], *(f"{value:.4f}" for value in each), *(f"{value / each[0]:.2f}" for value in each[1:])]
-        for row, each in zip(rows, changes, strict=True)
+        [row["tree"], crown, *(f"{value:.4f}" for value in each)]
+        for row, crown, each in zip(rows, crowns, changes, strict=True)
     ]
-    means = (changes[:, 1:] / changes[:, :1]).mean(axis=0)
-    body.append(["mean", *[""] * len(EFFORTS), *(f"**{value:.2f}**" for value in means)])
-    return f"{HAND_OVERS}\n\n{lines_of(['change', *EFFORTS, *(f'{name} / off' for name in REFINED)], body)}"
+    body.append(["mean", "", *(f"**{value:.4f}**" for value in changes.mean(axis=0))])
+    return f"{HAND_OVERS}\n\n{lines_of(['change', 'takes over at', *EFFORTS], body)}"
 
 
 def flight_part(rows: Sequence[Row]) -> str:

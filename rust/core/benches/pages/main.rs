@@ -7,7 +7,7 @@ mod common;
 
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use leafcloud::atlas::{Atlas, AtlasSettings};
 use leafcloud::fit::fit;
 use leafcloud::foliage::{Foliage, Opacity};
@@ -15,7 +15,7 @@ use leafcloud::groups::Groups;
 use leafcloud::lod::{ChainSettings, settled_fit};
 use leafcloud::metrics::{Reference, Views};
 use leafcloud::outlines::outlines;
-use leafcloud::textures::{Channels, Drawn, EnginePage, Page, PagePart, Samples, bake, mips, recut};
+use leafcloud::textures::{Channels, Drawn, EnginePage, Page, PagePart, Samples, Sight, bake, mips, recut};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
 
@@ -78,7 +78,10 @@ impl Level {
 /// the page for engines, and of the mip levels in KTX2.
 fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
     let parts = [PagePart::of(atlas, CUTOFF, 0)];
-    let EnginePage { image: engine, cutoffs } = EnginePage::new(&page.base_color, &parts, 0);
+    // Nothing is corrected by pictures: the area is measured alone.
+    let as_leaves = |_, _, _| Ok(Sight { coverage: 1.0, tone: Vec3::ONE });
+    let EnginePage { image: engine, cutoffs } =
+        EnginePage::new(&page.base_color, &parts, 0, as_leaves).expect("no picture is drawn");
     let at = [PagePart { alpha_cutoff: cutoffs[0], ..parts[0].clone() }];
     let whole = mips::area(&page.base_color, CUTOFF);
     let areas = |levels: mips::Levels, cutoff: f32| -> Vec<f64> {

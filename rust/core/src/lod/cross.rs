@@ -96,6 +96,7 @@ pub(super) fn build(
         max_deviation_leaves: farthest * frame.radius,
         coverage,
         pictures,
+        amounts: Arc::clone(&references.tuning),
         sharers: Arc::default(),
         part: 0,
         atlas,

@@ -1,11 +1,10 @@
 //! One level: fitted to the level before it, packed, baked, and measured against the leaves.
 
-use std::borrow::Cow;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::billboards::{billboard_ranks, billboards};
-use super::cross;
+use super::engine::{EnginePages, Sharer};
 use super::references::References;
 use super::refine::{Arrangement, Refined};
 use super::settings::ChainSettings;
@@ -18,13 +17,13 @@ use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize, Region};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
-use crate::foliage::{Foliage, Image, Opacity, source_texel};
+use crate::foliage::{Foliage, Opacity, source_texel};
 use crate::geometry::Frame;
 use crate::metrics::{Comparison, Reference};
 use crate::outlines::outlines;
 use crate::polygons::{PolygonSettings, Scale};
 use crate::progress::Progress;
-use crate::textures::{ChannelSeconds, Channels, EnginePage, Page, PagePart, Sky, bake_timed, cut_outs, mips, recut};
+use crate::textures::{ChannelSeconds, Channels, Page, Sky, bake_timed};
 use crate::transition::{HAND_OVER, Projection, leaf_pivots};
 
 /// Seconds for each stage of a level.
@@ -92,25 +91,13 @@ pub struct Level {
     pub seconds: Seconds,
     /// Share of `seconds.bake` that each image took.
     pub channel_seconds: ChannelSeconds,
-    /// Parts of all trees on a shared page, this level's at the place `part`; empty for a page of one tree.
-    pub(super) sharers: Arc<[PagePart]>,
+    /// Renderings of the leaves for coverage and mean color.
+    pub(super) amounts: Arc<Reference>,
+    /// All trees on a shared page, this one at the place `part`; empty for a page of one tree.
+    pub(super) sharers: Arc<[Sharer]>,
     pub(super) part: usize,
     pub(super) engine: Arc<EnginePages>,
 }
-
-/// Pages for engines, by the number of halvings, each made when it is first wanted.
-pub(super) type EnginePages = [OnceLock<EnginePage>; MOST_HALVINGS + 1];
-
-/// A mip level.
-pub struct Mip {
-    /// The level.
-    pub image: Image,
-    /// Regions in which alpha is cut out, each with its least drawn alpha code.
-    pub cut_outs: Vec<(Region, u8)>,
-}
-
-/// Most halvings of a page for engines.
-const MOST_HALVINGS: usize = 3;
 
 /// Inputs of a level.
 pub(super) struct Step<'a> {
@@ -286,6 +273,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         max_deviation_leaves: deviation,
         coverage,
         pictures,
+        amounts: Arc::clone(&step.references.tuning),
         cloud: Some(cloud),
         projection: Some(projection),
         sharers: Arc::default(),
@@ -329,56 +317,11 @@ impl Level {
         self.cloud.is_none()
     }
 
-    /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, three at most;
-    /// computed on the first call. Do not call it on a rayon worker: a thread that waits for the result does no other work.
-    #[must_use]
-    pub fn for_engines(&self, halvings: usize) -> (&Image, f32) {
-        if self.alpha_cutoff == 0.0 {
-            return (&self.page.base_color, 0.0); // Box filtering keeps coverage.
-        }
-        let page = self.engine_page(halvings);
-        (&page.image, page.cutoffs[self.part])
-    }
-
-    fn engine_page(&self, halvings: usize) -> &EnginePage {
-        let halvings = halvings.min(MOST_HALVINGS);
-        self.engine[halvings].get_or_init(|| EnginePage::new(&self.page.base_color, &self.parts(), halvings))
-    }
-
-    /// Returns the mip levels of a channel; base color at the cutoff of [`Self::for_engines`]. `None` for a missing channel and for label
-    /// textures.
-    #[must_use]
-    pub fn mips(&self, channel: &str, halvings: usize) -> Option<Vec<Mip>> {
-        let whole = |image| Mip { image, cut_outs: Vec::new() };
-        if channel != "base_color" {
-            return Some(self.page.levels(channel)?.into_iter().map(whole).collect());
-        }
-        if self.alpha_cutoff == 0.0 {
-            return Some(mips::means(&self.page.base_color).into_iter().map(whole).collect());
-        }
-        let (parts, cutoffs) = (self.parts(), &self.engine_page(halvings).cutoffs);
-        let with_cutoff = |(part, &alpha_cutoff): (&PagePart, &f32)| PagePart { alpha_cutoff, ..part.clone() };
-        let image = recut(&self.page.base_color, &parts, cutoffs);
-        let parts: Vec<PagePart> = parts.iter().zip(cutoffs).map(with_cutoff).collect();
-        let levels = mips::of_parts(&image, &parts).into_iter().enumerate();
-        Some(levels.map(|(number, image)| Mip { cut_outs: cut_outs(&parts, number, &image), image }).collect())
-    }
-
-    /// Returns the level as a part of a page with this layout.
-    pub(super) fn part_on(&self, atlas: &Atlas) -> PagePart {
-        PagePart::of(atlas, self.alpha_cutoff, if self.is_cross() { cross::FIRST_SEEN } else { 0 })
-    }
-
-    /// Returns the parts of all trees on the page, this level's among them.
-    fn parts(&self) -> Cow<'_, [PagePart]> {
-        if self.sharers.is_empty() { Cow::Owned(vec![self.part_on(&self.atlas)]) } else { Cow::Borrowed(&self.sharers) }
-    }
-
     /// Returns the level's share of the used area of its atlas page; 1 for a page of one tree.
     #[must_use]
     pub fn page_share(&self) -> f64 {
         let area = |regions: &[Region]| regions.iter().map(|region| region.width * region.height).sum::<usize>() as f64;
-        let all: f64 = self.sharers.iter().map(|part| area(&part.regions)).sum();
+        let all: f64 = self.sharers.iter().map(|sharer| area(&sharer.part.regions)).sum();
         if all > 0.0 { self.atlas.texels() as f64 / all } else { 1.0 }
     }
 

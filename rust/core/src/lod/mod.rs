@@ -6,6 +6,7 @@ mod budget;
 mod cross;
 mod draft;
 mod drawn;
+mod engine;
 mod hidden;
 mod level;
 pub mod octahedral;
@@ -21,7 +22,8 @@ mod worth;
 
 pub use billboards::billboards;
 pub use draft::{Draft, Drafts, settled_fit};
-pub use level::{Level, Mip, Seconds};
+pub use engine::Mip;
+pub use level::{Level, Seconds};
 pub use octahedral::Octahedral;
 pub use references::{References, report_pictures};
 pub use refine::{Refined, RefinedParts, Refinement};

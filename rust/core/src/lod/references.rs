@@ -1,5 +1,7 @@
 //! The renderings of the leaves that the levels of a chain are compared with.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::settings::ChainSettings;
@@ -14,7 +16,7 @@ use crate::textures::Samples;
 #[derive(Debug)]
 pub struct References {
     /// For choosing settings.
-    pub tuning: Reference,
+    pub tuning: Arc<Reference>,
     /// For the report.
     pub report: Reference,
 }
@@ -27,7 +29,7 @@ impl References {
     pub fn new(left: &[&Foliage], whole: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Self> {
         let ChainSettings { views, up, .. } = *settings;
         Ok(Self {
-            tuning: Reference::new(left, frame, views_of_amounts(views.amounts, up)?)?,
+            tuning: Arc::new(Reference::new(left, frame, views_of_amounts(views.amounts, up)?)?),
             report: report(whole, frame, settings)?,
         })
     }

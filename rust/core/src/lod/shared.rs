@@ -6,11 +6,12 @@
 
 use std::sync::Arc;
 
+use super::engine::Sharer;
 use super::level::Level;
 use crate::atlas::{Atlas, Billboard, PageSize, Region, tightest};
 use crate::error::{Error, Result};
 use crate::foliage::Image;
-use crate::textures::{PagePart, fill_gaps};
+use crate::textures::fill_gaps;
 
 /// Returns the levels with their billboards on one common atlas page. Do not call it on a rayon worker ([`Level::for_engines`]).
 ///
@@ -47,8 +48,8 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
         billboards: moved_billboards(&level.atlas, moves),
     };
     let atlases: Vec<Atlas> = levels.iter().zip(&moves).map(moved).collect();
-    let part = |(level, atlas): (&&Level, &Atlas)| level.part_on(atlas);
-    let sharers: Arc<[PagePart]> = levels.iter().zip(&atlases).map(part).collect();
+    let sharer = |(level, atlas): (&&Level, &Atlas)| Sharer::of(level, atlas);
+    let sharers: Arc<[Sharer]> = levels.iter().zip(&atlases).map(sharer).collect();
     let engine = Arc::default();
     let placed = |(part, (level, atlas)): (usize, (&&Level, Atlas))| Level {
         atlas,

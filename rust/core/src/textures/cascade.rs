@@ -74,22 +74,47 @@ fn recipes(texels: usize, first_seen: usize) -> Vec<Recipe> {
     LEVELS.into_iter().flat_map(|levels| with(levels + first_seen)).collect()
 }
 
-/// Returns the page with alpha that shows the share `area` of the polygons on box-filtered mip levels, too, and the cutoff to draw it with.
-/// `seen`: the alpha cutoff of `page`, and the number of the first mip level with texels as large as pixels.
-#[must_use]
-pub fn keeping_area(page: &Image, seen: (f32, usize), polygons: &OnPolygons, area: f64) -> (Image, f32) {
-    let tried = recipes(page.pixels().len(), seen.1).into_par_iter().map(|recipe| {
-        let own = Own::new(page, polygons, area, recipe.levels);
+/// A page whose alpha keeps an area on box-filtered mip levels, too.
+pub struct Kept {
+    pub image: Image,
+    /// The cutoff to draw it with.
+    pub cutoff: f32,
+    recipe: Recipe,
+}
+
+/// What a page for engines keeps: the share `area` of its polygons.
+pub struct Keeping<'a> {
+    pub page: &'a Image,
+    /// The alpha cutoff of `page`, and the number of the first mip level with texels as large as pixels.
+    pub seen: (f32, usize),
+    pub polygons: &'a OnPolygons,
+}
+
+impl Keeping<'_> {
+    /// Returns the page with the best recipe.
+    #[must_use]
+    pub fn best(&self, area: f64) -> Kept {
+        let recipes = recipes(self.page.pixels().len(), self.seen.1).into_par_iter();
+        let tried: Vec<(f64, Kept)> = recipes.map(|recipe| self.tried(area, recipe)).collect();
+        let best = tried.into_iter().reduce(|best, other| if other.0 < best.0 { other } else { best });
+        best.expect("there are recipes").1
+    }
+
+    /// Returns a page that shows another area, made as `kept`.
+    #[must_use]
+    pub fn with_area(&self, area: f64, kept: &Kept) -> Kept {
+        self.tried(area, kept.recipe).1
+    }
+
+    /// Returns the error of a recipe and its page.
+    fn tried(&self, area: f64, recipe: Recipe) -> (f64, Kept) {
+        let own = Own::new(self.page, self.polygons, area, recipe.levels);
         let alpha = own.cascade(recipe);
         let cutoffs = NUDGES.map(|nudge| nudge * recipe.cutoff);
-        let errors = own.errors(&alpha, cutoffs.map(code_at_least), seen);
+        let errors = own.errors(&alpha, cutoffs.map(code_at_least), self.seen);
         let best = (0..NUDGES.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
-        (errors[best], alpha, cutoffs[best])
-    });
-    let tried: Vec<(f64, Vec<u8>, f32)> = tried.collect();
-    let best = tried.into_iter().reduce(|best, other| if other.0 < best.0 { other } else { best });
-    let (_, alpha, cutoff) = best.expect("there are recipes");
-    (page.clone().with_alpha(alpha), cutoff)
+        (errors[best], Kept { image: self.page.clone().with_alpha(alpha), cutoff: cutoffs[best], recipe })
+    }
 }
 
 /// Alpha in [0, 1], rows from the top.
@@ -258,7 +283,9 @@ mod tests {
     /// Keeps the area that a page with polygons everywhere shows at a cutoff.
     fn kept(page: &Image, cutoff: f32) -> (Image, f32) {
         let polygons = OnPolygons::new(&vec![1.0; SIDE * SIDE], SIDE, 1 << 14);
-        keeping_area(page, (cutoff, 0), &polygons, mask::area(&page.alpha(), SIDE, cutoff, 1))
+        let keeping = Keeping { page, seen: (cutoff, 0), polygons: &polygons };
+        let Kept { image, cutoff, .. } = keeping.best(mask::area(&page.alpha(), SIDE, cutoff, 1));
+        (image, cutoff)
     }
 
     /// A crown: randomly covered texels, fewer toward the rim of a disc.

@@ -27,7 +27,7 @@ use rayon::prelude::*;
 
 pub use channels::Channel;
 pub(crate) use dilate::{fill_gaps, fill_transparent};
-pub use engine_page::EnginePage;
+pub use engine_page::{EnginePage, Sight};
 pub use page::{Channels, Page};
 pub use parts::{PagePart, cut_outs};
 pub(crate) use raster::rasterise_timed;

@@ -3,6 +3,7 @@
 //! The error of a picture is the sum of absolute differences of codes over gray, for each pixel of the leaves: sums in a fixed order, so it is the
 //! same on any machine, which FLIP is not. Sizes count alike: the gain is the mean of the ratios.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::picture::{light, over_gray};
@@ -37,13 +38,13 @@ impl TestViews {
         Ok(Self { views, leaves })
     }
 
-    /// Returns the errors of a level.
-    pub fn errors(&self, level: &Foliage) -> Result<Errors> {
+    /// Returns the errors of a level, with factors on its colors.
+    pub fn errors(&self, level: &Foliage, tone: Vec3) -> Result<Errors> {
         let level = pictures(level, &self.views)?;
         let sizes = self.leaves[0].len();
         let of_size = |size: usize| {
             let pairs = self.leaves.par_iter().zip(&level);
-            let each: Vec<f64> = pairs.map(|(leaves, level)| error(&leaves[size], &level[size])).collect();
+            let each: Vec<f64> = pairs.map(|(leaves, level)| error(&leaves[size], &level[size], tone)).collect();
             (self.leaves[0][size].width(), each.iter().sum::<f64>() / each.len() as f64)
         };
         Ok((0..sizes).map(of_size).collect())
@@ -56,10 +57,10 @@ fn pictures(foliage: &Foliage, views: &[View]) -> Result<Vec<Vec<Image>>> {
 }
 
 /// Returns the sum of absolute differences over the number of pixels that show the leaves.
-fn error(leaves: &Image, level: &Image) -> f64 {
+fn error(leaves: &Image, level: &Image, tone: Vec3) -> f64 {
     let (mut sum, mut count) = (0.0, 0u32);
     for (&wanted, &found) in leaves.pixels().iter().zip(level.pixels()) {
-        let difference = over_gray(light(wanted)) - over_gray(light(found));
+        let difference = over_gray(light(wanted)) - over_gray(light(found) * tone.extend(1.0));
         sum += f64::from(difference.abs().element_sum());
         count += u32::from(wanted[3] > 0);
     }

@@ -33,7 +33,7 @@ mod slabs;
 mod switches;
 mod texels;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use self::credit::{Credits, Drawn};
@@ -184,7 +184,7 @@ impl Subject<'_> {
         progress.tell("refine", 0.0)?;
         let size = self.size();
         let tests = TestViews::new(self.leaves, self.views(gain::VIEWS, size, TEST_TURN)?)?;
-        let first = tests.errors(&self.shown(page, cutoff)?)?;
+        let first = tests.errors(&self.shown(page, cutoff)?, Vec3::ONE)?;
         let mut best = (page.clone(), cutoff, Gain::none(&first));
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
@@ -195,7 +195,7 @@ impl Subject<'_> {
             texels.move_by(&credits, Rates::of_step(step));
             if (step + 1) % steps == 0 {
                 let (page, cutoff) = self.balanced(page, &mut texels, cutoff)?;
-                let gain = Gain::over(&first, &tests.errors(&self.shown(&page, cutoff)?)?);
+                let gain = Gain::over(&first, &tests.errors(&self.shown(&page, cutoff)?, Vec3::ONE)?);
                 if gain.is_better_than(&best.2) {
                     best = (page, cutoff, gain);
                 }

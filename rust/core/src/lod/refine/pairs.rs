@@ -1,7 +1,7 @@
 //! Pairs of pictures: a random change of all parameters at once and the opposite change, with the difference of their errors credited to the
 //! parts that each pixel shows.
 
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 
 use super::picture::{at_both_scales, over_gray};
 use crate::error::Result;
@@ -18,10 +18,16 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Draws triangles with their corners at these local places.
-    pub fn new(foliage: &Foliage, corners: impl Fn(usize) -> [DVec3; 3] + Sync, view: &View) -> Result<Self> {
+    /// Draws triangles with their corners at these local places. `tone`: factors on the colors.
+    pub fn new(
+        foliage: &Foliage,
+        corners: impl Fn(usize) -> [DVec3; 3] + Sync,
+        tone: Vec3,
+        view: &View,
+    ) -> Result<Self> {
         let (colors, triangles) = shown_points(foliage, corners, view)?;
-        Ok(Self { codes: colors.into_iter().map(over_gray).collect(), triangles, size: view.size })
+        let codes = colors.into_iter().map(|color| over_gray(color * tone.extend(1.0))).collect();
+        Ok(Self { codes, triangles, size: view.size })
     }
 
     /// Returns for each of `count` owners the squared error of the pixels that show it in either picture, less that in the other picture;

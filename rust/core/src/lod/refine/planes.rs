@@ -15,10 +15,10 @@
 //! size. New places keep the bound of every corner, checked in f64, and the greatest deviation. O(steps · views · (pixels + fragments)).
 //! Known limit: a leaf has one plane, because a leaf that is drawn on two or on none would appear or vanish where the level takes over.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::gain::{Gain, TestViews};
+use super::gain::{Errors, Gain, TestViews};
 use super::pairs::Picture;
 use super::parts::{Parts, Places};
 use super::slabs::Slabs;
@@ -29,11 +29,11 @@ use crate::error::Result;
 use crate::fit::ImageBound;
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
-use crate::lod::tune;
+use crate::lod::tune::{self, TONES};
 use crate::metrics::{PICTURE_RADIUS, Reference, View, Views};
 use crate::progress::Progress;
 use crate::textures::Samples;
-use crate::transition::HAND_OVER;
+use crate::transition::{HAND_OVER, Projection};
 
 /// Input of a refinement of planes.
 pub struct Arrangement<'a> {
@@ -93,24 +93,33 @@ impl Arrangement<'_> {
         progress.tell("refine", 0.0)?;
         let (stretch, projection) = tune::projection(self.finer, &cloud, self.amounts)?;
         let tests = TestViews::new(self.leaves, self.views(gain::VIEWS, TEST_TURN)?)?;
-        let first = tests.errors(&projection.at(self.finer, HAND_OVER)?)?;
+        let (first, tone) = self.errors(&tests, &projection)?;
         let (parts, mut places) = Parts::new(self.finer, &cloud, stretch, self.image);
         let bound = cloud.bound;
         let mut best = (cloud, Gain::none(&first));
-        let mut walk =
-            Walk { on: self, parts: &parts, step: 0, steps: plan.rounds * (plan.switches + plan.moves), progress };
+        let steps = plan.rounds * (plan.switches + plan.moves);
+        let mut walk = Walk { on: self, parts: &parts, tone, step: 0, steps, progress };
         for _ in 0..plan.rounds {
             walk.switch(&mut places, plan.switches)?;
             walk.shift(&mut places, plan.moves)?;
             let made = parts.cloud(&places, bound);
             let (_, projection) = tune::projection(self.finer, &made, self.amounts)?;
-            let gain = Gain::over(&first, &tests.errors(&projection.at(self.finer, HAND_OVER)?)?);
+            let (errors, tone) = self.errors(&tests, &projection)?;
+            walk.tone = tone;
+            let gain = Gain::over(&first, &errors);
             if gain.is_better_than(&best.1) {
                 best = (made, gain);
             }
         }
         progress.tell("refine", 1.0)?;
         Ok((best.0, Some(Refined { errors: best.1.errors })))
+    }
+
+    /// Returns the errors of the collapsed leaves with the mean color of the leaves, which the texture will have, and their factors.
+    fn errors(&self, tests: &TestViews, projection: &Projection) -> Result<(Errors, Vec3)> {
+        let collapsed = projection.at(self.finer, HAND_OVER)?;
+        let tone = self.amounts.tone(&collapsed)?.clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1));
+        Ok((tests.errors(&collapsed, tone)?, tone))
     }
 
     /// Returns views of the size at which the level takes over, 256 pixels at most.
@@ -126,6 +135,8 @@ impl Arrangement<'_> {
 struct Walk<'a> {
     on: &'a Arrangement<'a>,
     parts: &'a Parts<'a>,
+    /// Factors on the colors of collapsed leaves.
+    tone: Vec3,
     step: usize,
     /// Number of all steps.
     steps: usize,
@@ -193,11 +204,11 @@ impl Walk<'_> {
 
     fn picture(&self, planes: &[Plane], parents: &[u32], view: &View) -> Result<Picture> {
         let corners = self.parts.collapsed(planes, parents);
-        Picture::new(self.on.finer, |triangle| corners[triangle], view)
+        Picture::new(self.on.finer, |triangle| corners[triangle], self.tone, view)
     }
 
     fn target(&self, view: &View) -> Result<Picture> {
-        Picture::new(self.on.leaves, |triangle| self.on.leaves.corners(triangle), view)
+        Picture::new(self.on.leaves, |triangle| self.on.leaves.corners(triangle), Vec3::ONE, view)
     }
 }
 

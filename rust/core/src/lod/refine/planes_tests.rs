@@ -4,7 +4,7 @@ use crate::foliage::{Attributes, Material};
 use crate::lod::refine::picture::BLOCK_WEIGHT;
 use crate::lod::refine::tests::{bush, settings};
 use crate::lod::{ChainSettings, Level, RefinedParts, build_chain};
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
 /// Red squares of side 0.3 that face up, each a leaf, on a grid of 5 × 5 with the height of each.
 fn squares(height: impl Fn(u32) -> f64) -> Foliage {
@@ -213,7 +213,7 @@ fn credits_add_up_to_the_difference_of_the_errors() {
         samples: Samples::new(1).unwrap(),
     };
     let lifted = |by: f64| move |t: usize, corners: [DVec3; 3]| corners.map(|p| p + DVec3::Z * (by * (t % 3) as f64));
-    let draw = |by: f64| Picture::new(&leaves, |t| lifted(by)(t, leaves.corners(t)), &view(48)).unwrap();
+    let draw = |by: f64| Picture::new(&leaves, |t| lifted(by)(t, leaves.corners(t)), Vec3::ONE, &view(48)).unwrap();
     let (first, second, target) = (draw(0.1), draw(-0.07), draw(0.0));
     let wanted = squared_error(&first, &target) - squared_error(&second, &target);
     let whole = first.credits(&second, &target, 1, |_| 0)[0];

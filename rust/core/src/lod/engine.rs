@@ -1,0 +1,120 @@
+//! The pages of a level for engines: one image for engines that make mip levels, and mip levels for files that bring their own.
+
+use std::borrow::Cow;
+use std::sync::{Arc, OnceLock};
+
+use glam::Vec3;
+
+use super::billboards::billboards;
+use super::cross;
+use super::level::Level;
+use super::tune::TONES;
+use crate::atlas::{Atlas, Region};
+use crate::error::Result;
+use crate::foliage::{AlphaMode, Image, Material};
+use crate::geometry::Frame;
+use crate::metrics::Reference;
+use crate::textures::{EnginePage, PagePart, Sight, cut_outs, mips, recut};
+
+/// Pages for engines, by the number of halvings, each made when it is first wanted.
+pub(super) type EnginePages = [OnceLock<EnginePage>; MOST_HALVINGS + 1];
+
+/// A mip level.
+pub struct Mip {
+    /// The level.
+    pub image: Image,
+    /// Regions in which alpha is cut out, each with its least drawn alpha code.
+    pub cut_outs: Vec<(Region, u8)>,
+}
+
+/// Most halvings of a page for engines.
+const MOST_HALVINGS: usize = 3;
+
+/// A tree on an atlas page.
+#[derive(Clone, Debug)]
+pub(super) struct Sharer {
+    pub part: PagePart,
+    atlas: Atlas,
+    frame: Frame,
+    material: Material,
+    leaves: Arc<Reference>,
+}
+
+impl Sharer {
+    /// Returns the tree of a level, on a page with this layout.
+    pub fn of(level: &Level, atlas: &Atlas) -> Self {
+        let first_seen = if level.is_cross() { cross::FIRST_SEEN } else { 0 };
+        Self {
+            part: PagePart::of(atlas, level.alpha_cutoff, first_seen),
+            atlas: atlas.clone(),
+            frame: level.frame,
+            material: Material { image: None, ..level.page.material(level.alpha_cutoff, !level.two_sided) },
+            leaves: Arc::clone(&level.amounts),
+        }
+    }
+
+    /// Returns how the billboards look with another page.
+    fn sight(&self, image: Image, alpha_cutoff: f32) -> Result<Sight> {
+        let alpha_mode = AlphaMode::Mask(alpha_cutoff);
+        let material = Material { image: Some(image), alpha_mode, ..self.material.clone() };
+        let pictures = self.leaves.compare(&billboards(&self.atlas, &self.frame, material)?)?;
+        let tone = pictures.tone().clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1));
+        Ok(Sight { coverage: pictures.coverage(), tone })
+    }
+}
+
+impl Level {
+    /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, three at most;
+    /// computed on the first call. Do not call it on a rayon worker: a thread that waits for the result does no other work.
+    #[must_use]
+    pub fn for_engines(&self, halvings: usize) -> (&Image, f32) {
+        if self.alpha_cutoff == 0.0 {
+            return (&self.page.base_color, 0.0); // Box filtering keeps coverage.
+        }
+        let page = self.engine_page(halvings);
+        (&page.image, page.cutoffs[self.part])
+    }
+
+    fn engine_page(&self, halvings: usize) -> &EnginePage {
+        let halvings = halvings.min(MOST_HALVINGS);
+        let make = || {
+            let (sharers, parts) = (self.sharers(), self.parts());
+            let sight = |part: usize, image, cutoff| sharers[part].sight(image, cutoff);
+            EnginePage::new(&self.page.base_color, &parts, halvings, sight).expect("the level was drawn before")
+        };
+        self.engine[halvings].get_or_init(make)
+    }
+
+    /// Returns the mip levels of a channel; base color at the cutoff of [`Self::for_engines`]. `None` for a missing channel and for label
+    /// textures.
+    #[must_use]
+    pub fn mips(&self, channel: &str, halvings: usize) -> Option<Vec<Mip>> {
+        let whole = |image| Mip { image, cut_outs: Vec::new() };
+        if channel != "base_color" {
+            return Some(self.page.levels(channel)?.into_iter().map(whole).collect());
+        }
+        if self.alpha_cutoff == 0.0 {
+            return Some(mips::means(&self.page.base_color).into_iter().map(whole).collect());
+        }
+        let (parts, cutoffs) = (self.parts(), &self.engine_page(halvings).cutoffs);
+        let with_cutoff = |(part, &alpha_cutoff): (&PagePart, &f32)| PagePart { alpha_cutoff, ..part.clone() };
+        let image = recut(&self.page.base_color, &parts, cutoffs);
+        let parts: Vec<PagePart> = parts.iter().zip(cutoffs).map(with_cutoff).collect();
+        let levels = mips::of_parts(&image, &parts).into_iter().enumerate();
+        Some(levels.map(|(number, image)| Mip { cut_outs: cut_outs(&parts, number, &image), image }).collect())
+    }
+
+    /// Returns all trees on the page, this one among them.
+    fn sharers(&self) -> Cow<'_, [Sharer]> {
+        if self.sharers.is_empty() {
+            Cow::Owned(vec![Sharer::of(self, &self.atlas)])
+        } else {
+            Cow::Borrowed(&self.sharers)
+        }
+    }
+
+    /// Returns the parts of all trees on the page.
+    fn parts(&self) -> Vec<PagePart> {
+        self.sharers().iter().map(|sharer| sharer.part.clone()).collect()
+    }
+}
