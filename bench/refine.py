@@ -33,10 +33,13 @@ from commits import is_current, measured_commit
 from fidelity import FOLIAGE, ROOT, TREE_LIMIT, flip, run, smaller, triangles
 from numpy.typing import NDArray
 from refine_checks import failures, summary
-from refine_levels import ABLATION, BAKES, LARGEST, Subject, encoded, engine_errors, errors, file_size, size_nearest
+from refine_levels import ABLATION, BAKES, LARGEST, Subject, engine_errors, errors, file_size, size_nearest
 from refine_tables import write_page
 
 import leafcloud
+
+sys.path.insert(0, str(ROOT / "tests" / "support"))
+from box_mips import encoded
 
 MEASURED = ROOT / "docs" / "bench" / "refine.json"
 PICTURED, VIEW = "pine_cards_20k", 4

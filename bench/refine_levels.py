@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,7 @@ from fidelity import (
     CANDIDATES,
     KEPT,
     LEVELS,
+    ROOT,
     SEED,
     Pictures,
     coverage,
@@ -31,6 +33,9 @@ from addon.plan.lod_range import View
 from addon.plan.pages import halvings
 from addon.plan.quality import distance_of, switch_sizes
 from addon.settings.bake import BakeSettings
+
+sys.path.insert(0, str(ROOT / "tests" / "support"))
+from box_mips import box_filtered
 
 LARGEST, SAMPLES = 512, 8
 """Side of the pictures, and samples along a pixel's side. Smaller pictures are means of these."""
@@ -151,29 +156,6 @@ def engine_errors(seen: Pictures, base: leafcloud.Foliage, level: leafcloud.Leve
         if size == SMALL:
             found["coverage"] = coverage(leaves, pictures)
     return found
-
-
-def box_filtered(page: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """Return a page and its mip levels, by means of 2 × 2 texels in linear light, down to 8 texels."""
-    levels = [page]
-    while min(levels[-1].shape[:2]) >= 16:
-        height, width = (side // 2 for side in levels[-1].shape[:2])
-        texels = levels[-1][: 2 * height, : 2 * width] / 255.0
-        texels[..., :3] = linear(texels[..., :3])
-        means = texels.reshape(height, 2, width, 2, 4).mean((1, 3))
-        means[..., :3] = encoded(means[..., :3])
-        levels.append(np.rint(255.0 * means).astype(np.uint8))
-    return levels
-
-
-def linear(codes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return sRGB codes from 0 to 1 as linear light."""
-    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-
-
-def encoded(light: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return linear light from 0 to 1 as sRGB codes."""
-    return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 1e-9) ** (1.0 / 2.4) - 0.055)
 
 
 def fans(corners: NDArray[np.uint32]) -> NDArray[np.int64]:

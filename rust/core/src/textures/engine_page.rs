@@ -169,6 +169,30 @@ mod tests {
     }
 
     #[test]
+    fn pictures_correct_the_area_and_the_mean_color() {
+        let (page, part) = sparse(0.5);
+        let own = shown(&page, &part, 0.5);
+        let mean_area = |image: &Image, cutoff: f32| {
+            means(image).iter().take(PICTURED).map(|mip| shown(mip, &part, cutoff)).sum::<f64>() / PICTURED as f64
+        };
+        let made = |denser: f64| {
+            // Pictures in which each mip level covers so many times as much as its area.
+            let sight = |_: usize, image: Image, cutoff: f32| -> Result<Sight> {
+                Ok(Sight { coverage: denser * shown(&image, &part, cutoff) / own, tone: Vec3::new(0.5, 1.0, 2.0) })
+            };
+            EnginePage::new(&page, std::slice::from_ref(&part), 0, sight).unwrap()
+        };
+        for denser in [0.8, 1.0, 1.15] {
+            let EnginePage { image, cutoffs } = made(denser);
+            let covered = denser * mean_area(&image, cutoffs[0]) / own;
+            assert!((covered - 1.0).abs() < 0.05, "{denser}: {covered}");
+            // 30, 90 and 20 with half, the same and twice the linear light.
+            let close = |p: &[u8; 4]| p[0].abs_diff(20) <= 1 && p[1] == 90 && p[2].abs_diff(32) <= 1;
+            assert!(image.pixels().iter().filter(|p| p[3] > 0).all(close), "{:?}", image.pixels()[0]);
+        }
+    }
+
+    #[test]
     fn each_part_of_a_page_has_its_cutoff() {
         let (page, whole) = sparse(0.5);
         let (left, right): (Vec<Region>, Vec<Region>) = whole.regions.iter().partition(|region| region.x < 128);
