@@ -142,10 +142,12 @@ def bake(tree: Path, engine: str, effects: str = "auto", *more: str) -> Path:
     return out / f"{tree.stem}.glb"
 
 
-def drawn(engine: str, file: Path, view: View, views: Sequence[Any] = (), **settings: Any) -> Picture:
+def drawn(
+    engine: str, file: Path, view: View, views: Sequence[Any] = (), *, mips: bool = True, **settings: Any
+) -> Picture:
     """Return the pictures in an engine: linear light, premultiplied, (views, side, side, 4) in [0, 1].
 
-    views: in place of those of `view`, with its field of view.
+    views: in place of those of `view`, with its field of view. mips: false for three.js without mip levels of PNG.
     """
     name = "babylon" if engine == KTX2 else engine
     code = code_of(name, 2).replace("/basis/", TRANSCODER) if engine == KTX2 else code_of(name)
@@ -154,6 +156,7 @@ def drawn(engine: str, file: Path, view: View, views: Sequence[Any] = (), **sett
         **question,
         "views": views or question["views"],
         "code": code,
+        "mips": mips,
         "settings": {"pixels": zoomed(view), **settings},
     }
     found: Picture = np.stack([picture["pixels"] for picture in pictures(name, file, **asked)]) / 255.0
@@ -245,10 +248,13 @@ def flip_in(one: Picture, other: Picture, side: int) -> float:
 
 @cache
 def leaves_from(tree: Path, distance: float) -> float:
-    """Return the area in pixels that the leaves cover from a distance, with `SAMPLES` samples along a pixel's side."""
+    """Return the area in pixels that the leaves cover from a distance, with `SAMPLES` samples along a pixel's side.
+
+    Without mip levels, so that the textures themselves decide.
+    """
     base = bake(tree, "three")
     fine = View.of(distance, levels_of(base)[0], SAMPLES)
-    leaves = drawn("three", base, fine, level=0, byHand={"transition": 0.0, "keep": 1.0})
+    leaves = drawn("three", base, fine, mips=False, level=0, byHand={"transition": 0.0, "keep": 1.0})
     return coverage(leaves) * (fine.side / SAMPLES) ** 2
 
 
