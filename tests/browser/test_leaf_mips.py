@@ -1,7 +1,7 @@
 """Thin leaves of a cut-out PNG texture neither dissolve nor flicker in the packages for three.js and Babylon.js.
 
-The oracle has 4 × 4 samples a pixel and no mip levels, so it draws the texture itself. The leaf is four stripes, a quarter of the
-texture. The transparent texels between them are red: a mip level that mixes them in shows it.
+The oracle has 4 × 4 samples a pixel and no mip levels, so it draws the texture itself. The leaf is four stripes, a
+quarter of the texture. The transparent texels between them are red: a mip level that mixes them in shows it.
 """
 
 from __future__ import annotations
@@ -46,8 +46,9 @@ def striped(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         document["buffers"][0]["byteLength"] = len(body)
 
     tree = rewritten(shrub, out / "shrub.glb", paint)
+    settings = (*QUICK, "--last", "cross", "--effects=+transitions")
     for engine in ("three", "babylon"):
-        bake(tree, out / engine, "--input", tree, *QUICK, "--engine", engine, "--last", "cross", "--effects=+transitions")
+        bake(tree, out / engine, *settings, "--engine", engine)
     bundle(out / "babylon")
     return out
 
