@@ -1,6 +1,7 @@
 """Measures what engines draw of a bake, and the files for them: `make bench-engines`.
 
-usage: python bench/engines.py [--quick] [TREE.glb …]      (default: pine, oak and fir of ../shared/foliage)
+usage: python bench/engines.py [--quick] [--only SECTION] [TREE.glb …]
+(default: pine, oak and fir of ../shared/foliage)
 
 - Hand-overs in three.js and Babylon.js, by the code of the packages' READMEs, in Chromium without a display: the next
   level beside the one before, from the same places. Also the tree at each of these distances, twice and four times as
@@ -10,7 +11,8 @@ usage: python bench/engines.py [--quick] [TREE.glb …]      (default: pine, oak
 - Bytes of the files for each engine, with the validator's errors and warnings, for planned and for all effects.
 - Milliseconds of a picture in three.js for 1, 100 and 1,000 trees.
 
-Writes docs/bench/engines.md for all trees. `--quick` leaves out the files and the milliseconds.
+Writes docs/bench/engines.md for all trees. `--quick` leaves out the files and the milliseconds, and writes nothing.
+`--only` measures one section of the document and keeps the others.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from typing import Any
 
 import bpy
 import numpy as np
+from commits import measured_commit
 from flat_views import make_flat
 from mathutils import Vector
 from numpy.typing import NDArray
@@ -70,36 +73,34 @@ INTRODUCTION = """# Engines
 Made by `make bench-engines` in Chromium without a graphics card: three.js and Babylon.js with the packages of this
 repository, by the code of their READMEs. Pictures have 1,080 rows and a field of view of 50°, light from all sides, no
 antialiasing.
-
-## Hand-overs
-
+"""
+HEADS = {
+    "Hand-overs": """\
 Each level beside the one before it, from the same eight places. *Pixels*: covered by the level before. *FLIP*: mean
 within 4 pixels of the tree. Limits: coverage 0.95 to 1.05, luminance 0.97 to 1.03. *There*, *2 ×*, *4 ×*: coverage of
-the tree as it is drawn behind the hand-over, and so many times as far away, over that of the leaves with 4 × 4 samples
-a pixel; limits 0.9 to 1.1.
-"""
-FRAMES = """## Frames
-
+the tree as it is drawn behind the hand-over, and so many times as far away, over that of the leaves with 4 × 4
+samples a pixel; limits 0.9 to 1.1.
+""",
+    "Frames": """\
 FLIP between two pictures of a tree that switches by itself, in the square around the crown, while the camera moves by
 0.2 % of its distance: where a level begins to fade, where it is gone, and 3 % before it begins. Limit 0.02.
-
-"""
-CYCLES = """## Beside Cycles
-
-A level in the engine beside the same level in Cycles with the atlas page of the .blend, from the same cameras, without
-shading, with 4 × 4 samples a pixel: FLIP within 4 pixels of the tree; limit 0.08. *Crown*: its height in pixels. Cycles
-draws the cross impostor as the last level; the engines draw the octahedral impostor in its place where a tree has one.
-"""
-FILES = """## Files
-
+""",
+    "Beside Cycles": """\
+A level in the engine beside the same level in Cycles with the atlas page of the .blend, from the same cameras,
+without shading, with 4 × 4 samples a pixel: FLIP within 4 pixels of the tree; limit 0.08. *Crown*: its height in
+pixels. Cycles draws the cross impostor as the last level; the engines draw the octahedral impostor in its place where
+a tree has one.
+""",
+    "Files": """\
 Kilobytes of the leaves' own file, of each level's file, and of all levels in one file. The validator does not know
 KTX2: its two warnings about each such image do not count.
-"""
-FORESTS = """## Forests
-
+""",
+    "Forests": """\
 Milliseconds of a picture of 720² pixels in three.js, drawn by the processor, and the triangles that are drawn.
 *Pruned*: leaves are left out from 10 R on.
-"""
+""",
+}
+"""The sections of the document, with their introductions."""
 
 
 @dataclass(frozen=True)
@@ -142,10 +143,12 @@ def bake(tree: Path, engine: str, effects: str = "auto", *more: str) -> Path:
     return out / f"{tree.stem}.glb"
 
 
-def drawn(engine: str, file: Path, view: View, views: Sequence[Any] = (), **settings: Any) -> Picture:
+def drawn(
+    engine: str, file: Path, view: View, views: Sequence[Any] = (), *, mips: bool = True, **settings: Any
+) -> Picture:
     """Return the pictures in an engine: linear light, premultiplied, (views, side, side, 4) in [0, 1].
 
-    views: in place of those of `view`, with its field of view.
+    views: in place of those of `view`, with its field of view. mips: false for three.js without mip levels of PNG.
     """
     name = "babylon" if engine == KTX2 else engine
     code = code_of(name, 2).replace("/basis/", TRANSCODER) if engine == KTX2 else code_of(name)
@@ -154,6 +157,7 @@ def drawn(engine: str, file: Path, view: View, views: Sequence[Any] = (), **sett
         **question,
         "views": views or question["views"],
         "code": code,
+        "mips": mips,
         "settings": {"pixels": zoomed(view), **settings},
     }
     found: Picture = np.stack([picture["pixels"] for picture in pictures(name, file, **asked)]) / 255.0
@@ -245,10 +249,13 @@ def flip_in(one: Picture, other: Picture, side: int) -> float:
 
 @cache
 def leaves_from(tree: Path, distance: float) -> float:
-    """Return the area in pixels that the leaves cover from a distance, with `SAMPLES` samples along a pixel's side."""
+    """Return the area in pixels that the leaves cover from a distance, with `SAMPLES` samples along a pixel's side.
+
+    Without mip levels, so that the textures themselves decide.
+    """
     base = bake(tree, "three")
     fine = View.of(distance, levels_of(base)[0], SAMPLES)
-    leaves = drawn("three", base, fine, level=0, byHand={"transition": 0.0, "keep": 1.0})
+    leaves = drawn("three", base, fine, mips=False, level=0, byHand={"transition": 0.0, "keep": 1.0})
     return coverage(leaves) * (fine.side / SAMPLES) ** 2
 
 
@@ -408,26 +415,30 @@ def table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
 
 
-def report(trees: Sequence[Path], *, quick: bool) -> Iterator[str]:
-    """Yield the sections of the document, each when it is measured."""
-    names = ["tree", "engine", "levels", "pixels", "coverage", "luminance", "FLIP", "there", "2 ×", "4 ×"]
-    yield INTRODUCTION
-    yield table(names, [row for tree in trees for engine in (*ENGINES, KTX2) for row in hand_over_rows(tree, engine)])
-    yield FRAMES
-    names = ["tree", "engine", "levels", "it begins to fade", "it is gone", "before"]
-    yield table(names, [row for tree in trees for engine in (*ENGINES, KTX2) for row in frame_rows(tree, engine)])
-    yield CYCLES
-    yield table(["tree", "level", "crown", *ENGINES], [row for tree in trees for row in cycles_rows(tree)])
-    if quick:
-        return
-    yield FILES
-    names = ["tree", "engine", "effects", "leaves", "levels", "whole chain", "errors and warnings"]
-    yield table(names, [row for tree in trees for row in file_rows(tree)])
-    yield FORESTS
-    yield table(
-        ["tree", "trees", "leaves only", "levels", "levels, pruned"],
-        list(forest_rows(trees[0])),
-    )
+def section(name: str, trees: Sequence[Path]) -> str:
+    """Measure one section of the document, with its head."""
+    commit = measured_commit()
+    if name == "Hand-overs":
+        names = ["tree", "engine", "levels", "pixels", "coverage", "luminance", "FLIP", "there", "2 ×", "4 ×"]
+        rows = [row for tree in trees for engine in (*ENGINES, KTX2) for row in hand_over_rows(tree, engine)]
+    elif name == "Frames":
+        names = ["tree", "engine", "levels", "it begins to fade", "it is gone", "before"]
+        rows = [row for tree in trees for engine in (*ENGINES, KTX2) for row in frame_rows(tree, engine)]
+    elif name == "Beside Cycles":
+        names = ["tree", "level", "crown", *ENGINES]
+        rows = [row for tree in trees for row in cycles_rows(tree)]
+    elif name == "Files":
+        names = ["tree", "engine", "effects", "leaves", "levels", "whole chain", "errors and warnings"]
+        rows = [row for tree in trees for row in file_rows(tree)]
+    else:
+        names = ["tree", "trees", "leaves only", "levels", "levels, pruned"]
+        rows = list(forest_rows(trees[0]))
+    return f"## {name}\n\n{HEADS[name]}\nMeasured at {commit}.\n\n{table(names, rows)}"
+
+
+def sections_of(document: str) -> dict[str, str]:
+    """Return the sections of a document by their names."""
+    return {each.partition("\n")[0]: f"## {each.rstrip()}\n" for each in document.split("\n## ")[1:]}
 
 
 def main() -> None:
@@ -436,14 +447,18 @@ def main() -> None:
         "trees", nargs="*", type=Path, help="GLB files (default: pine, oak and fir of ../shared/foliage)"
     )
     parser.add_argument("--quick", action="store_true", help="leave out the files and the milliseconds")
+    parser.add_argument("--only", choices=HEADS, help="measure this section alone; the document keeps the others")
     arguments = parser.parse_args()
     usual = [FOLIAGE / f"{name}.glb" for name in TREES]
-    sections = []
-    for section in report(arguments.trees or usual, quick=arguments.quick):
-        print(section, flush=True)
-        sections.append(section)
+    wanted = [arguments.only] if arguments.only else list(HEADS)[: 3 if arguments.quick else None]
+    document = ROOT / "docs" / "bench" / "engines.md"
+    found = sections_of(document.read_text(encoding="utf-8")) if arguments.only and document.exists() else {}
+    for name in wanted:
+        found[name] = section(name, arguments.trees or usual)
+        print(found[name], flush=True)
     if not arguments.trees and not arguments.quick:
-        (ROOT / "docs" / "bench" / "engines.md").write_text("\n".join(sections), encoding="utf-8")
+        parts = [found[name] for name in HEADS if name in found]
+        document.write_text("\n".join([INTRODUCTION, *parts]), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -14,15 +14,21 @@ ENGINES = ROOT / "engines"
 
 def copies() -> dict[Path, str]:
     """Return the content of each copy by its path."""
-    laws, octahedral = ((SHADERS / f"{name}.glsl").read_text(encoding="utf-8") for name in ("leafcloud", "octahedral"))
+    names = ("leafcloud", "octahedral", "shares")
+    laws, octahedral, shares = ((SHADERS / f"{name}.glsl").read_text(encoding="utf-8") for name in names)
+    module = _module({"LAWS": laws, "OCTAHEDRAL": octahedral, "SHARES": shares})
     licenses = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("LICENSE-MIT", "LICENSE-APACHE")}
     return {
         **{ENGINES / engine / name: licenses[name] for engine in ("three", "babylon", "bevy") for name in licenses},
         ENGINES / "godot" / "addons" / "leafcloud" / "LICENSE": licenses["LICENSE-MIT"],
         ENGINES / "godot" / "addons" / "leafcloud" / "leafcloud.gdshaderinc": laws,
-        ENGINES / "three" / "src" / "glsl.js": _module({"LAWS": laws, "OCTAHEDRAL": octahedral}),
-        ENGINES / "babylon" / "src" / "glsl.js": _module({"LAWS": laws, "OCTAHEDRAL": octahedral}),
-        ENGINES / "babylon" / "src" / "laws.js": (ENGINES / "three" / "src" / "laws.js").read_text(encoding="utf-8"),
+        ENGINES / "godot" / "addons" / "leafcloud" / "shares.gdshaderinc": shares,
+        ENGINES / "three" / "src" / "glsl.js": module,
+        ENGINES / "babylon" / "src" / "glsl.js": module,
+        **{
+            ENGINES / "babylon" / "src" / name: (ENGINES / "three" / "src" / name).read_text(encoding="utf-8")
+            for name in ("laws.js", "mips.js")
+        },
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 import struct
@@ -12,7 +13,9 @@ import numpy as np
 import pytest
 from command_line import QUICK, bake
 from glb import read_glb, rewritten
+from PIL import Image
 
+from leafcloud._png import alpha_of_png
 from leafcloud.command import main
 
 
@@ -71,6 +74,66 @@ def test_leaves_that_end_beside_their_billboards_are_found(
     status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "still.glb", drop_targets))
     assert status == 1
     assert "shrub_LOD0: leaves end on the next level" in [each["name"] for each in found["checks"] if not each["holds"]]
+
+
+def test_leaves_that_move_too_far_are_found(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Level 1 claims half of the deviation that it has, or less."""
+    name = "shrub_LOD0: leaves move at most by the error bound"
+    status, found = inspected(capsys, folder / "shrub.glb")
+    assert (status, {each["name"]: each["holds"] for each in found["checks"]}[name]) == (0, True)
+
+    def claim(document: dict[str, Any], body: bytearray) -> None:
+        for node in document["nodes"]:
+            if node["name"] == "shrub_LOD1":
+                node["extras"]["leafcloud"]["max_deviation"] *= 0.25
+
+    status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "claimed.glb", claim))
+    assert (status, [each["name"] for each in found["checks"] if not each["holds"]]) == (1, [name])
+
+
+def test_textures_that_dissolve_in_mip_levels_are_found(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A texture of fine noise, a quarter of it opaque: in means of 2 × 2 texels few reach the cutoff of a half."""
+    saved = io.BytesIO()
+    texels = np.full((256, 256, 4), 255, np.uint8)
+    texels[..., 3] = 255 * (np.random.default_rng(2).random((256, 256)) < 0.25)
+    Image.fromarray(texels).save(saved, "PNG")
+
+    def replace(document: dict[str, Any], body: bytearray) -> None:
+        [material] = [each for each in document["materials"] if each["name"] == "shrub_LOD1"]
+        material["alphaCutoff"] = 0.7
+        texture = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+        body += b"\0" * (-len(body) % 4)
+        view = {"buffer": 0, "byteOffset": len(body), "byteLength": len(saved.getvalue())}
+        body += saved.getvalue() + b"\0" * (-len(saved.getvalue()) % 4)
+        document["images"][texture["source"]]["bufferView"] = len(document["bufferViews"])
+        document["bufferViews"].append(view)
+        document["buffers"][0]["byteLength"] = len(body)
+
+    name = "shrub_LOD1: two plain mip levels of the PNG keep the coverage"
+    _, found = inspected(capsys, folder / "shrub.glb")
+    assert {each["name"]: each["holds"] for each in found["checks"]}[name]
+    status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "noise.glb", replace))
+    assert (status, [each["name"] for each in found["checks"] if not each["holds"]]) == (1, [name])
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "LA", "RGB", "P", "L"])
+def test_alpha_of_png_files_is_read(mode: str) -> None:
+    """Pillow chooses other filters for smooth rows than for noise."""
+    rng = np.random.default_rng(3)
+    smooth = np.add.outer(np.arange(61), 2 * np.arange(47)).astype(np.uint8)
+    rows = np.where(np.arange(61)[:, None] % 3 == 0, rng.integers(0, 256, (61, 47)), smooth).astype(np.uint8)
+    image = Image.fromarray(np.stack([rows, rows[::-1], rows, rows[:, ::-1]], axis=2)).convert(mode)
+    saved = io.BytesIO()
+    image.save(saved, "PNG")
+    found = alpha_of_png(saved.getvalue())
+    if mode in ("RGBA", "LA"):
+        assert found is not None
+        np.testing.assert_array_equal(np.rint(found * 255.0), np.asarray(image)[..., -1])
+    else:
+        assert found is None
+    assert alpha_of_png(saved.getvalue()[:200]) is None
 
 
 def test_another_tools_file_is_one_level_without_promises(shrub: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,12 +1,13 @@
 // Runs code of the documentation with three.js, and answers with pictures.
 //
-// The question is {code, file, renderer, side, views, seconds, places, copies, settings, sun}. `code`: a module's text that uses
+// The question is {code, file, renderer, side, views, seconds, places, copies, settings, sun, mips}. `code`: a module's text that uses
 // `renderer`, `scene`, `camera` and `places`, and loads "pine.glb", for which `file` is read. `renderer`: "webgl" (the default)
 // for WebGLRenderer, "webgl2" or "webgpu" for that backend of WebGPURenderer. Each of the `views` {eye, target, fov, settings,
 // seconds} gives a picture of `side` × `side` bytes RGBA, lowest row first, the number of drawn triangles and the milliseconds
 // of the second drawing; its own settings and seconds replace the common ones. `places`: rows of matrices of a forest. With
 // `copies` in place of the code, a copy of the tree stands at each place. `sun`: the position of a light that casts shadows,
-// beside a dim one from everywhere. Without views the answer is {lacking}: why the renderer cannot run here, or null.
+// beside a dim one from everywhere. `mips`: false to draw cut-out PNG textures without mip levels. Without views the answer is
+// {lacking}: why the renderer cannot run here, or null.
 import * as THREE from "three";
 import { Tree } from "leafcloud-three";
 
@@ -104,18 +105,29 @@ function castShadows(renderer, scene) {
   scene.traverse((object) => object.isMesh && Object.assign(object, { castShadow: true, receiveShadow: true }));
 }
 
+/** Takes the mip levels from cut-out PNG textures, before the first picture. */
+function dropMips(scene) {
+  scene.traverse(({ material }) => {
+    const { map } = material ?? {};
+    if (map?.mipmaps.length > 0 && !map.isCompressedTexture) {
+      Object.assign(map, { mipmaps: [], minFilter: THREE.LinearFilter, generateMipmaps: false, needsUpdate: true });
+    }
+  });
+}
+
 async function lackingFor(kind) {
   return kind === "webgpu" && !(await navigator.gpu?.requestAdapter()) ? "Chromium has no adapter for WebGPU" : null;
 }
 
 async function answerTo(question) {
-  const { code, file, side, views, seconds = 0, places = [], copies = false, settings = {}, sun } = question;
+  const { code, file, side, views, seconds = 0, places = [], copies = false, settings = {}, sun, mips = true } = question;
   const renderer = await newRenderer(question.renderer ?? "webgl", side);
   const scene = new THREE.Scene().add(...lightsOf(sun));
   const camera = new THREE.PerspectiveCamera(50, 1);
   const given = { THREE, renderer, scene, camera, places: places.map((rows) => new THREE.Matrix4().set(...rows)) };
   const loop = copies ? await copiesOf(file, given) : await loopOf(code.replaceAll("pine.glb", file), given);
   if (sun) castShadows(renderer, scene);
+  if (!mips) dropMips(scene);
   const pictures = [];
   for (const { eye, target, fov, ...own } of views) {
     const now = 1000 * (own.seconds ?? seconds);

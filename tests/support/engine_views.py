@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import bpy  # noqa: F401  (brings mathutils, which the add-on needs)
 import numpy as np
 from glb import Node, read_glb
 from laws import Floats

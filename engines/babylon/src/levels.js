@@ -1,19 +1,23 @@
 // The levels of a file: read once (`sourcesOf`), then dressed in materials for each tree or forest (`Level`).
-import { BoundingInfo, ShadowDepthWrapper, Texture, Vector3, VertexBuffer } from "@babylonjs/core";
+import { BoundingInfo, Constants, Material, ShadowDepthWrapper, Texture, Vector3, VertexBuffer } from "@babylonjs/core";
 import { addAttributes } from "./attributes.js";
 import { HAND_OVER, keepAt, NEVER, windForce } from "./laws.js";
 import { LevelPlugin, newNumbers } from "./material.js";
+import { shareMips } from "./mips.js";
 import { ImpostorPlugin, impostorNumbers, impostorMaterial, QUAD } from "./octahedral.js";
 
 /** Reach of growing leaves in crown radii: they extend beyond the crown. */
 const REACH = 1.2;
+
+/** Textures that `keepCoverage` has seen: whether alpha is the share of drawn texels in their mip levels. */
+const alphaIsShare = new WeakMap();
 
 /**
  * Gives the meshes of a loaded container the attributes of the shaders. Returns the sources of all copies, the leaves first. Each has
  * `name`, of its node; `extras` and `tables`; `pages`, the textures of an octahedral impostor; the distances `start` and `end` of its
  * morph, and `handOver`, where the next level begins to appear.
  */
-export function sourcesOf(container, levels) {
+export async function sourcesOf(container, levels) {
   for (const { name, extras, numbers, pages } of levels) {
     const meshes = meshesOf(container.getNodes().find((node) => node.name === name));
     if (pages) {
@@ -21,10 +25,10 @@ export function sourcesOf(container, levels) {
       QUAD.applyToMesh(meshes[0]);
       continue;
     }
-    numbers.forEach((each, i) => {
-      addAttributes(meshes[i], each);
-      if (meshes[i].material?.albedoTexture) sharpen(meshes[i].material.albedoTexture, extras.level);
-    });
+    numbers.forEach((each, i) => addAttributes(meshes[i], each));
+    for (const { material } of meshes.slice(0, numbers.length)) {
+      if (material?.albedoTexture) await keepCoverage(material, extras.level === 0);
+    }
   }
   const sources = levels.map(({ name, extras, tables, numbers, pages }) => {
     const morphs = Number.isFinite(extras.transition_end);
@@ -39,11 +43,28 @@ export function sourcesOf(container, levels) {
   return sources;
 }
 
-/** Wide filters would mix the leaves with the empty texels around them. */
-function sharpen(texture, level) {
+/**
+ * Gives the PNG texture of leaves that are cut out mip levels with the share of drawn texels. `isFirst`: of level 0, whose textures are
+ * not made for plain mip levels. KTX2 textures have mip levels; opaque ones get plain ones.
+ */
+async function keepCoverage({ albedoTexture: texture, alphaCutOff, transparencyMode }, isFirst) {
+  if (alphaIsShare.has(texture)) return;
+  alphaIsShare.set(texture, false);
+  // Wide filters would mix the leaves with the empty texels around them.
   texture.anisotropicFilteringLevel = 1;
-  // Mip levels would thin out the leaves' own textures, and the first cloud, which keeps its coverage, would pop.
-  if (level === 0) texture.updateSamplingMode(Texture.LINEAR_LINEAR);
+  const blends = transparencyMode > Material.MATERIAL_ALPHATEST;
+  if (blends && isFirst) texture.updateSamplingMode(Texture.LINEAR_LINEAR);
+  const internal = texture.getInternalTexture();
+  const isPlain = internal?.format === Constants.TEXTUREFORMAT_RGBA && internal.generateMipMaps && !internal.invertY;
+  if (transparencyMode !== Material.MATERIAL_ALPHATEST || texture.mimeType === "image/ktx2" || !isPlain) return;
+  const data = await texture.readPixels();
+  if (!data) return;
+  texture.updateSamplingMode(Texture.TRILINEAR_SAMPLINGMODE);
+  const engine = texture.getScene().getEngine();
+  shareMips({ data, ...texture.getSize() }, alphaCutOff).forEach((level, i) => {
+    engine.updateTextureData(internal, new Uint8Array(level.data.buffer), 0, 0, level.width, level.height, 0, i + 1);
+  });
+  alphaIsShare.set(texture, true);
 }
 
 /** Returns the meshes of a node in the order of its primitives. */
@@ -106,9 +127,15 @@ export class Level {
 
   #cloud(original, leaves) {
     const material = original.clone(original.name);
+    if (alphaIsShare.get(original.albedoTexture)) {
+      // A copy of the texture may be read from the file again, without these mip levels.
+      material.albedoTexture.dispose();
+      material.albedoTexture = original.albedoTexture;
+    }
     // Levels with baked light store colors above 1 with this factor.
     material.albedoColor?.scaleInPlace(material.metadata?.gltf?.extras?.leafcloud?.light_strength ?? 1);
-    new LevelPlugin(material, { numbers: this.#numbers, leaves, wind: this.wind !== null });
+    const shares = alphaIsShare.get(original.albedoTexture) ?? false;
+    new LevelPlugin(material, { numbers: this.#numbers, leaves, wind: this.wind !== null, shares });
     return material;
   }
 

@@ -30,7 +30,7 @@ export async function loadTree(url, scene, { ktx2 = null, tree = 0 } = {}) {
   // A texture that arrives later would get the sampling of its file again.
   await new Promise((done) => BaseTexture.WhenAllReady([...container.textures, ...textures], done));
   const places = instances && placesOf(instances, nodeOf(container, levels[0].name));
-  return new Tree({ container, levels: sourcesOf(container, levels), places }, scene);
+  return new Tree({ container, levels: await sourcesOf(container, levels), places }, scene);
 }
 
 /**

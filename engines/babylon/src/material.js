@@ -1,7 +1,7 @@
 // The laws in Babylon.js's own materials: a plug-in that moves leaves and trunk, fades pixels, and keeps contrast.
 import { MaterialPluginBase } from "@babylonjs/core";
 import { ATTRIBUTES } from "./attributes.js";
-import { LAWS } from "./glsl.js";
+import { LAWS, SHARES } from "./glsl.js";
 import { NEVER } from "./laws.js";
 
 /** Uniforms of a level's shaders, with their numbers at rest. Distances are in the file's units. */
@@ -36,6 +36,7 @@ const DECLARED = [...declared(UNIFORMS), { name: "lcShares", size: 1, type: "flo
 /** The tree's place in the world, and the distance by which the laws decide, also for each instance. */
 export const DISTANCE = `
 flat varying float lcDistanceSeen;
+varying vec3 lcRest; // the place on the leaf at rest
 
 mat4 lcTreePlace() {
 #ifdef INSTANCES
@@ -93,6 +94,7 @@ vec3 lcMoved(vec3 point, mat4 place) {
 const MOVE = `
     mat4 lcPlace = lcTreePlace();
     lcDistanceSeen = lcDistance(lcPlace);
+    lcRest = positionUpdated;
     positionUpdated = lcMoved(positionUpdated, lcPlace);
 `;
 export const FADE = `
@@ -105,13 +107,22 @@ const CONTRAST = `
     surfaceAlbedo = lc_toward_mean(surfaceAlbedo, lcMean, lc_contrast(lcKept, lcContrast));
 #endif
 `;
+/** The alpha test that follows then draws or discards. */
+const CUT = `
+#if defined(LEAFCLOUD_SHARES) && defined(ALBEDO) && defined(ALPHATEST)
+    vec2 lcTexel = vAlbedoUV * vec2(textureSize(albedoSampler, 0));
+    vec2 lcAcross = dFdx(lcTexel), lcDown = dFdy(lcTexel);
+    float lcLevel = max(0.5 * log2(max(dot(lcAcross, lcAcross), dot(lcDown, lcDown))), 0.0); // as textures are read
+    alpha = alpha < mix(ALPHATESTVALUE, lc_share_cutoff(lcRest, lcTexel, lcLevel), min(lcLevel, 1.0)) ? 0.0 : 1.0;
+#endif
+`;
 /** Code for all meshes: the constructor of a plug-in asks for it before it knows the kind. */
 const CODE = {
   vertex: { CUSTOM_VERTEX_DEFINITIONS: LAWS + DISTANCE + LEAVES, CUSTOM_VERTEX_UPDATE_POSITION: MOVE },
   fragment: {
-    CUSTOM_FRAGMENT_DEFINITIONS: `${LAWS}flat varying float lcDistanceSeen;\n`,
+    CUSTOM_FRAGMENT_DEFINITIONS: `${LAWS}${SHARES}flat varying float lcDistanceSeen;\nvarying vec3 lcRest;\n`,
     CUSTOM_FRAGMENT_MAIN_BEGIN: FADE,
-    CUSTOM_FRAGMENT_UPDATE_ALBEDO: CONTRAST,
+    CUSTOM_FRAGMENT_UPDATE_ALBEDO: CONTRAST + CUT,
   },
 };
 
@@ -124,13 +135,18 @@ export class LevelPlugin extends MaterialPluginBase {
   #numbers;
   #leaves;
   #wind;
+  #shares;
 
-  /** `numbers`: of the level's shaders. `leaves`: whether the mesh has the attributes of leaves. `wind`: whether the tree has wind. */
-  constructor(material, { numbers, leaves, wind }) {
-    super(material, "Leafcloud", 200, { LEAFCLOUD_LEAVES: false, LEAFCLOUD_WIND: false }, true, true);
+  /**
+   * `numbers`: of the level's shaders. `leaves`: whether the mesh has the attributes of leaves. `wind`: whether the tree has wind.
+   * `shares`: whether alpha is the share of drawn texels in the texture's mip levels.
+   */
+  constructor(material, { numbers, leaves, wind, shares = false }) {
+    super(material, "Leafcloud", 200, { LEAFCLOUD_LEAVES: false, LEAFCLOUD_WIND: false, LEAFCLOUD_SHARES: false }, true, true);
     this.#numbers = numbers;
     this.#leaves = leaves;
     this.#wind = wind;
+    this.#shares = shares;
   }
 
   isCompatible(language) {
@@ -144,6 +160,7 @@ export class LevelPlugin extends MaterialPluginBase {
   prepareDefines(defines) {
     defines.LEAFCLOUD_LEAVES = this.#leaves;
     defines.LEAFCLOUD_WIND = this.#wind;
+    defines.LEAFCLOUD_SHARES = this.#shares;
   }
 
   getAttributes(attributes) {

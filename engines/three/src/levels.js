@@ -3,7 +3,7 @@ import * as THREE from "three";
 import { addAttributes, addTangents, hasLeaves, nameNumbers, sharing } from "./attributes.js";
 import { BlendOrder } from "./blending.js";
 import { HAND_OVER, keepAt, NEVER, PLACE_TURNS, windForce } from "./laws.js";
-import { bentNormalOf, pagesOf } from "./textures.js";
+import { bentNormalOf, keepCoverage, pagesOf } from "./textures.js";
 import { newUniforms } from "./uniforms.js";
 
 /**
@@ -69,7 +69,7 @@ function newSource(object, parser, textures) {
     scale: new THREE.Vector3().setFromMatrixColumn(object.matrixWorld, 0).length(),
     pruning: pruningOf(extras),
     wind,
-    parts: partsOf(object, parser, textures, { wind, impostor: octahedral }),
+    parts: partsOf(object, parser, textures, { number, wind, impostor: octahedral }),
   };
 }
 
@@ -85,7 +85,7 @@ function pruningOf(extras) {
 }
 
 /** Returns the meshes below `object`, each with its place among all objects there. */
-function partsOf(object, parser, { bentNormal, octahedral }, { wind, impostor }) {
+function partsOf(object, parser, { bentNormal, octahedral }, { number, wind, impostor }) {
   return objectsOf(object)
     .map((mesh, place) => ({ mesh, place }))
     .filter(({ mesh }) => mesh.isMesh)
@@ -94,7 +94,9 @@ function partsOf(object, parser, { bentNormal, octahedral }, { wind, impostor })
       if (pages) return { place, geometry: QUAD, impostor: { numbers: impostor, ...pages }, material: mesh.material };
       const shading = bentNormal.get(mesh.material);
       if (shading) addTangents(mesh.geometry);
-      return { place, ...prepared(mesh, parser, wind), material: mesh.material, shading };
+      const made = prepared(mesh, parser, wind);
+      if (!made.isTrunk) keepCoverage(mesh.material, number === 0);
+      return { place, ...made, material: mesh.material, shading };
     });
 }
 
@@ -154,10 +156,6 @@ export class Level {
     if (part.shares) uniforms.lcShares.value = part.shares;
     // Blended triangles are not in rank order, so prefixes do not apply; pruned leaves have zero size there.
     if (part.shares && !blends) this.pruned.push({ geometry: mesh.geometry, prefixes: part.prefixes });
-    // Mip levels would thin out the leaves' own textures, and the first cloud, which keeps its coverage, would pop.
-    if (part.leaves && this.number === 0 && mesh.material.map) {
-      Object.assign(mesh.material.map, { minFilter: THREE.LinearFilter, generateMipmaps: false });
-    }
   }
 
   /** Frees the level's own materials and geometries. Attributes and textures belong to all copies of the tree. */

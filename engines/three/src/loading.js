@@ -12,7 +12,7 @@ const textureLoaders = new WeakMap();
 
 /**
  * Loads the glTF file at `url`. Without a renderer, or if the transcoder cannot be loaded, the file's PNG textures are
- * read: three.js makes their mip levels itself, and thin leaves dissolve in them.
+ * read.
  */
 export async function loadFile(url, renderer, { transcoder, manager, onProgress } = {}) {
   const loader = new GLTFLoader(manager).setMeshoptDecoder(MeshoptDecoder).register(withoutInstances);

@@ -1,9 +1,10 @@
 // Materials of levels for WebGLRenderer: three.js's own, with the laws in their shaders. nodes/ has those for WebGPURenderer.
 import * as THREE from "three";
-import { LAWS } from "./glsl.js";
+import { LAWS, SHARES } from "./glsl.js";
 import { octahedralMaterial } from "./octahedral.js";
 import { after, before, replaced } from "./patching.js";
 import { shadeItself } from "./self_shadowing.js";
+import { alphaIsShare } from "./textures.js";
 
 /**
  * The distance by which the laws decide, in the file's units. The fraction of the pixels that this level draws, and the fraction
@@ -20,6 +21,7 @@ uniform vec4 lcFadeAt; // distances: appears from, to; goes from, to
 #endif
 flat out vec2 lcFades;
 flat out float lcDistanceSeen;
+out vec3 lcRest; // the place on the leaf at rest
 
 float lcDistance() {
 #ifdef USE_INSTANCING
@@ -89,6 +91,7 @@ vec3 lcBlownTrunk(vec3 point) {
 const PASS_ON = `
     lcFades = lcFadesHere();
     lcDistanceSeen = lcDistance();
+    lcRest = position;
 `;
 const FRAGMENT = `
 uniform vec2 lcKeepAt;
@@ -96,6 +99,7 @@ uniform vec3 lcMean;
 uniform vec2 lcContrast;
 flat in vec2 lcFades;
 flat in float lcDistanceSeen;
+in vec3 lcRest;
 `;
 const FADE = `
     if (!lc_shown(lcFades.x, gl_FragCoord.xy) || lc_shown(lcFades.y, gl_FragCoord.xy)) discard;
@@ -103,6 +107,12 @@ const FADE = `
 const CONTRAST = `
     float lcKept = lc_keep(lcDistanceSeen, lcKeepAt.x, lcKeepAt.y);
     diffuseColor.rgb = lc_toward_mean(diffuseColor.rgb, lcMean, lc_contrast(lcKept, lcContrast));
+`;
+const CUT = `
+    vec2 lcTexel = vMapUv * vec2(textureSize(map, 0));
+    vec2 lcAcross = dFdx(lcTexel), lcDown = dFdy(lcTexel);
+    float lcLevel = max(0.5 * log2(max(dot(lcAcross, lcAcross), dot(lcDown, lcDown))), 0.0); // as textures are read
+    if (diffuseColor.a < mix(alphaTest, lc_share_cutoff(lcRest, lcTexel, lcLevel), min(lcLevel, 1.0))) discard;
 `;
 
 /** Gives a mesh of a level its materials. `part`: a mesh of the source; `uniforms`: of the level. */
@@ -136,24 +146,26 @@ function patched(original, uniforms, leaves, shading) {
   material.forceSinglePass = true; // Otherwise three.js draws all blended backs before all fronts.
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
   const wind = "lcWind" in uniforms;
-  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind} ${Boolean(shading)}`;
+  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind} ${Boolean(shading)} ${alphaIsShare(original)}`;
   material.onBeforeCompile = (shader) => {
     moveAndFade(shader, uniforms, leaves);
+    if (alphaIsShare(original)) shader.fragmentShader = cutByShare(shader.fragmentShader);
     if (shading) shadeItself(shader, shading);
   };
   return material;
 }
 
-/** Returns the material for shadow maps, which move and fade like `material`. */
-function shadowing(material, uniforms, leaves) {
-  const { map, alphaTest, side, transparent } = material;
+/** Returns the material for shadow maps, which move and fade like the one of `original`. */
+function shadowing(original, uniforms, leaves) {
+  const { map, alphaTest, side, transparent } = original;
   const cut = { alphaTest, alphaHash: transparent };
   const made = new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, map, side, ...cut });
-  made.customProgramCacheKey = () => `leafcloud shadow ${leaves} ${"lcWind" in uniforms}`;
+  made.customProgramCacheKey = () => `leafcloud shadow ${leaves} ${"lcWind" in uniforms} ${alphaIsShare(original)}`;
   made.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
     shader.vertexShader = movedVertices(shader.vertexShader, leaves, "lcWind" in uniforms);
     shader.fragmentShader = faded(shader.fragmentShader);
+    if (alphaIsShare(original)) shader.fragmentShader = cutByShare(shader.fragmentShader);
   };
   return made;
 }
@@ -189,4 +201,9 @@ function movedVertices(source, leaves, wind) {
 
 function faded(source) {
   return before("void main()", LAWS + FRAGMENT, after("#include <clipping_planes_fragment>", FADE, source));
+}
+
+/** Replaces the alpha test of a shader by one of shares. */
+function cutByShare(source) {
+  return before("void main()", SHARES, replaced(source, "#include <alphatest_fragment>", CUT));
 }

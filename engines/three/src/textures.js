@@ -1,5 +1,30 @@
 // Textures that the extras of a file's materials name; glTF itself has no place for them.
-import { SRGBColorSpace } from "three";
+import { LinearFilter, LinearMipmapLinearFilter, SRGBColorSpace } from "three";
+import { shareMips } from "./mips.js";
+
+/**
+ * Gives the PNG texture of leaves that are cut out mip levels with the share of drawn texels. `isFirst`: of level 0, whose textures are
+ * not made for plain mip levels. KTX2 textures have mip levels; opaque ones get plain ones.
+ */
+export function keepCoverage({ map, alphaTest, transparent }, isFirst) {
+  if (!map || map.isCompressedTexture || alphaIsShare({ map })) return;
+  if (transparent && isFirst) Object.assign(map, { minFilter: LinearFilter, generateMipmaps: false });
+  if (transparent || !(alphaTest > 0)) return;
+  const mips = shareMips(pixelsOf(map.image), alphaTest).map(({ data, width, height }) => new ImageData(data, width, height));
+  Object.assign(map, { mipmaps: [map.image, ...mips], minFilter: LinearMipmapLinearFilter, generateMipmaps: false, needsUpdate: true });
+}
+
+/** Returns whether alpha is the share of drawn texels in the mip levels of a material's texture. */
+export function alphaIsShare({ map }) {
+  return Boolean(map) && !map.isCompressedTexture && map.mipmaps.length > 0;
+}
+
+function pixelsOf(image) {
+  const { width, height } = image;
+  const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+  context.drawImage(image, 0, 0);
+  return context.getImageData(0, 0, width, height);
+}
 
 /** Returns a Map from material to its bent-normal occlusion texture, for the materials that have one. */
 export async function bentNormalOf(gltf) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import FRAGMENTS_PER_TRIANGLE, LeafcloudError, drawing_cost, flip_map, keep, read_gltf, render
+from ._coverage import kept_by_mips
 from ._glb import GlbFile, Picture, Unreadable
+from ._png import alpha_of_png
 
 SIZES = (256, 128, 64, 32)
 """Sides of the pictures in pixels, in which a file is compared with the leaves."""
@@ -22,8 +25,15 @@ _VIEWS = [(1.0, 0.0, 0.2), (-0.5, 0.85, 0.1), (-0.5, -0.85, 0.35), (0.2, 0.3, 0.
 _LEAST_SHARE = 0.95
 """Least share of the corners of leaves that end on a plane of the next level."""
 
+_KEPT = 0.5, 1.5
+"""Least and most share of a texture's coverage that the first two mip levels keep: to four times the distance at which
+the level takes over."""
+
 _MOST_PAIRS = 2**22
 """Most pairs of a point and a plane that are compared at once."""
+
+_MOST_CORNERS = 20_000
+"""Most corners of leaves whose ends are looked up, evenly among all: a level may have thousands of planes."""
 
 _REACH = 4
 """FLIP counts within this many pixels of a silhouette."""
@@ -234,6 +244,7 @@ def _checks(file: GlbFile) -> Iterator[Check]:
         for before, after in itertools.pairwise(chain):
             if "transition_end" in _extras(nodes[before]):
                 yield from _decoded(_closure, file, before, after)
+            yield from _decoded(_mips, file, after)
 
 
 def _decoded(check: Callable[..., Iterator[Check]], file: GlbFile, *nodes: int) -> Iterator[Check]:
@@ -276,7 +287,7 @@ def _rank_orders(file: GlbFile, node: int) -> Iterator[Check]:
 
 
 def _closure(file: GlbFile, before: int, after: int) -> Iterator[Check]:
-    """At the end of the morph the leaves that are drawn lie on the planes of the next level.
+    """At the end of the morph the leaves that are drawn lie on the planes of the next level, within ε of their places.
 
     That level lacks billboards that show next to nothing and leaves that the crown hides: a few leaves end on no plane.
     """
@@ -284,11 +295,56 @@ def _closure(file: GlbFile, before: int, after: int) -> Iterator[Check]:
     keep, first = _kept_share(extras), _own(file, before).get("first_texcoord")
     targets = np.concatenate([_targets(file, each, keep, first) for each in _leaves(file, before)])
     planes = _planes(file, after)
-    if len(targets) and len(planes):
-        # Targets keep 1/4096 of their height over the plane, for the order of overlapping leaves.
-        near = float((_distances(targets, planes) < 1e-3 * float(extras["radius"])).mean())
-        figure = f"{near:.2%} of the corners within 0.001 R"
-        yield Check(f"{_name(file, before)}: leaves end on the next level", near >= _LEAST_SHARE, figure)
+    if not len(targets) or not len(planes):
+        return
+    step = math.ceil(len(targets) / _MOST_CORNERS)
+    targets = targets[::step]
+    radius, name = float(extras["radius"]), _name(file, before)
+    # Targets keep 1/4096 of their height over the plane, for the order of overlapping leaves.
+    ends = _distances(targets, planes) < 1e-3 * radius
+    figure = f"{ends.mean():.2%} of the corners within 0.001 R"
+    yield Check(f"{name}: leaves end on the next level", bool(ends.mean() >= _LEAST_SHARE), figure)
+    most = _extras(file.items("nodes")[after]).get("max_deviation")
+    if most is not None and keep == 1.0 and ends.any():
+        starts = np.concatenate([_targets(file, each, keep, first, moved=False) for each in _leaves(file, before)])
+        heights = _heights(starts[::step][ends], targets[ends], planes, 1e-3 * radius) / radius
+        within = float((heights <= 1.01 * most + 1e-3).mean())
+        figure = f"{within:.2%} of the corners within ε = {most:.3g} R"
+        yield Check(f"{name}: leaves move at most by the error bound", within >= _LEAST_SHARE, figure)
+
+
+def _heights(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], planes: NDArray[np.float64], near: float
+) -> NDArray[np.float64]:
+    """Return the least distance of each start from the planes that its end lies on: those nearer than `near`."""
+    parts = max(len(starts) * len(planes) // _MOST_PAIRS, 1)
+    found = []
+    for start, end in zip(np.array_split(starts, parts), np.array_split(ends, parts), strict=True):
+        from_start, from_end = (np.abs(part @ planes[:, :3].T - planes[:, 3]) for part in (start, end))
+        found.append(np.where(from_end < near, from_start, np.inf).min(axis=1))
+    return np.concatenate(found)
+
+
+def _mips(file: GlbFile, node: int) -> Iterator[Check]:
+    """An atlas page keeps its coverage in box-filtered mip levels. KTX2 files have mip levels of their own."""
+    for primitive in _leaves(file, node):
+        material = file.items("materials")[primitive["material"]] if "material" in primitive else {}
+        reference = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
+        source = file.items("textures")[reference["index"]].get("source") if "index" in reference else None
+        if material.get("alphaMode") != "MASK" or source is None or "indices" not in primitive:
+            continue
+        image = file.items("images")[source]
+        content = file.view(image["bufferView"]) if "bufferView" in image else b""
+        alpha = alpha_of_png(content) if content.startswith(b"\x89PNG\r\n\x1a\n") else None
+        corners = file.values(primitive["attributes"][f"TEXCOORD_{reference.get('texCoord', 0)}"])
+        if alpha is None or corners.dtype != np.float32 or "KHR_texture_transform" in reference.get("extensions", {}):
+            continue
+        triangles = corners.astype(np.float64)[file.values(primitive["indices"])[:, 0].reshape(-1, 3)]
+        kept = kept_by_mips(alpha, triangles, float(material.get("alphaCutoff", 0.5)), 2)
+        if kept is not None:
+            holds = all(_KEPT[0] <= share <= _KEPT[1] for share in kept)
+            figure = ", ".join(f"{share:.2f}" for share in kept)
+            yield Check(f"{_name(file, node)}: two plain mip levels of the PNG keep the coverage", holds, figure)
 
 
 def _kept_share(extras: dict[str, Any]) -> float:
@@ -298,10 +354,12 @@ def _kept_share(extras: dict[str, Any]) -> float:
     return keep(extras["transition_end"], extras["prune_start"], extras.get("prune_half", 0.5))
 
 
-def _targets(file: GlbFile, primitive: dict[str, Any], keep: float, first: int | None) -> NDArray[np.float64]:
-    """Return the places of the kept leaves' corners at the end of the morph."""
+def _targets(
+    file: GlbFile, primitive: dict[str, Any], keep: float, first: int | None, *, moved: bool = True
+) -> NDArray[np.float64]:
+    """Return the places of the kept leaves' corners at the end of the morph; `moved` false: before it."""
     places = file.values(primitive["attributes"]["POSITION"]).astype(np.float64)
-    for target in primitive.get("targets", []):
+    for target in primitive.get("targets", []) if moved else []:
         places = places + file.values(target["POSITION"])
     ranks = None if keep == 1.0 else _ranks(file, primitive, first)
     return places if ranks is None else places[ranks < keep]

@@ -2,11 +2,13 @@
 import * as THREE from "three";
 import { attribute, bool, diffuseColor, mat3, mix, normalize, positionGeometry, texture } from "three/tsl";
 import { MeshBasicNodeMaterial, MeshPhysicalNodeMaterial, MeshStandardNodeMaterial } from "three/webgpu";
+import { alphaIsShare } from "../textures.js";
 import { LEAST_ALPHA } from "../uniforms.js";
 import { areaScale, blownAlone, blownOf, flutterOf, growthOf, placeOf, towardMean, trendOf, turnsAt } from "./laws.js";
 import { copied, Copies, drawn, inPattern, keep, keepOfPixel, numberOf, placed, shares, toWorld, transition } from "./level.js";
 import { impostorNodes } from "./octahedral.js";
 import { shadeItself } from "./self_shadowing.js";
+import { drawnByShare } from "./shares.js";
 
 const growth = numberOf("vec2", (laws) => laws.lcGrowth.value);
 const mean = numberOf("vec3", (laws) => laws.lcMean.value);
@@ -93,6 +95,7 @@ const NOWHERE = bool(false);
 const impostors = new WeakMap();
 const textures = new WeakMap();
 const packed = new WeakMap();
+const cuts = new WeakMap();
 
 const textureNode = (each) => once(textures, each, () => texture(each));
 
@@ -118,6 +121,11 @@ function levelMaterial({ material: original, leaves, shading }, blows) {
   material.hasLeaves = leaves;
   material.positionNode = POSITIONS[leaves ? "leaves" : "trunk"][blows ? "blown" : "still"];
   material.maskNode = drawn;
+  if (alphaIsShare(original)) {
+    const { map, alphaTest } = original;
+    material.maskNode = once(cuts, original, () => drawn.and(drawnByShare(textureNode(map), map, alphaTest)));
+    material.alphaTest = 0; // It would cut again, and shadows by the cutoff alone.
+  }
   if (original.transparent && original.map) material.maskShadowNode = drawn.and(inPattern(textureNode(original.map).a));
   if (shading) {
     material.bentNormalNode = textureNode(shading);
