@@ -27,7 +27,10 @@ export async function sourcesOf(container, levels) {
     }
     numbers.forEach((each, i) => addAttributes(meshes[i], each));
     for (const { material } of meshes.slice(0, numbers.length)) {
-      if (material?.albedoTexture) await keepCoverage(material, extras.level === 0);
+      if (!material?.albedoTexture) continue;
+      // Wide filters would mix the leaves with the empty texels around them.
+      material.albedoTexture.anisotropicFilteringLevel = 1;
+      if (extras.level === 0) await keepCoverage(material);
     }
   }
   const sources = levels.map(({ name, extras, tables, numbers, pages }) => {
@@ -44,16 +47,13 @@ export async function sourcesOf(container, levels) {
 }
 
 /**
- * Gives the PNG texture of leaves that are cut out mip levels with the share of drawn texels. `isFirst`: of level 0, whose textures are
- * not made for plain mip levels. KTX2 textures have mip levels; opaque ones get plain ones.
+ * Gives the PNG texture of the leaves mip levels with the share of drawn texels, if they are cut out. Atlas pages of later levels are made
+ * for plain mip levels; levels of simplified leaves have the materials of the leaves.
  */
-async function keepCoverage({ albedoTexture: texture, alphaCutOff, transparencyMode }, isFirst) {
+async function keepCoverage({ albedoTexture: texture, alphaCutOff, transparencyMode }) {
   if (alphaIsShare.has(texture)) return;
   alphaIsShare.set(texture, false);
-  // Wide filters would mix the leaves with the empty texels around them.
-  texture.anisotropicFilteringLevel = 1;
-  const blends = transparencyMode > Material.MATERIAL_ALPHATEST;
-  if (blends && isFirst) texture.updateSamplingMode(Texture.LINEAR_LINEAR);
+  if (transparencyMode > Material.MATERIAL_ALPHATEST) texture.updateSamplingMode(Texture.LINEAR_LINEAR);
   const internal = texture.getInternalTexture();
   const isPlain = internal?.format === Constants.TEXTUREFORMAT_RGBA && internal.generateMipMaps && !internal.invertY;
   if (transparencyMode !== Material.MATERIAL_ALPHATEST || texture.mimeType === "image/ktx2" || !isPlain) return;

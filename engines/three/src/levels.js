@@ -95,7 +95,7 @@ function partsOf(object, parser, { bentNormal, octahedral }, { number, wind, imp
       const shading = bentNormal.get(mesh.material);
       if (shading) addTangents(mesh.geometry);
       const made = prepared(mesh, parser, wind);
-      if (!made.isTrunk) keepCoverage(mesh.material, number === 0);
+      if (number === 0 && !made.isTrunk) keepCoverage(mesh.material);
       return { place, ...made, material: mesh.material, shading };
     });
 }

@@ -3,12 +3,12 @@ import { LinearFilter, LinearMipmapLinearFilter, SRGBColorSpace } from "three";
 import { shareMips } from "./mips.js";
 
 /**
- * Gives the PNG texture of leaves that are cut out mip levels with the share of drawn texels. `isFirst`: of level 0, whose textures are
- * not made for plain mip levels. KTX2 textures have mip levels; opaque ones get plain ones.
+ * Gives the PNG texture of the leaves mip levels with the share of drawn texels, if they are cut out. Atlas pages of later levels are made
+ * for plain mip levels; levels of simplified leaves have the materials of the leaves.
  */
-export function keepCoverage({ map, alphaTest, transparent }, isFirst) {
+export function keepCoverage({ map, alphaTest, transparent }) {
   if (!map || map.isCompressedTexture || alphaIsShare({ map })) return;
-  if (transparent && isFirst) Object.assign(map, { minFilter: LinearFilter, generateMipmaps: false });
+  if (transparent) Object.assign(map, { minFilter: LinearFilter, generateMipmaps: false });
   if (transparent || !(alphaTest > 0)) return;
   const mips = shareMips(pixelsOf(map.image), alphaTest).map(({ data, width, height }) => new ImageData(data, width, height));
   Object.assign(map, { mipmaps: [map.image, ...mips], minFilter: LinearMipmapLinearFilter, generateMipmaps: false, needsUpdate: true });
