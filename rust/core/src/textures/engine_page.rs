@@ -72,7 +72,8 @@ impl EnginePage {
             let keeping = Keeping { page: &small, seen: (part.alpha_cutoff, first_seen), polygons: &polygons };
             corrected(&keeping, area, |kept| {
                 let levels = means(&kept.image).into_iter().skip(first_seen).take(PICTURED);
-                mean(levels.map(|level| sight(number, level, kept.cutoff)).collect::<Result<Vec<Sight>>>()?)
+                let sights = levels.map(|level| sight(number, level, kept.cutoff)).collect::<Result<Vec<Sight>>>()?;
+                Ok(mean(&sights))
             })
         };
         let made = apart(page, parts).into_iter().zip(parts).enumerate().map(of_part).collect::<Result<Vec<_>>>()?;
@@ -101,10 +102,10 @@ fn corrected(keeping: &Keeping, area: f64, sight: impl Fn(&Kept) -> Result<Sight
     Ok((tone::scaled(&best.image, seen.tone), best.cutoff))
 }
 
-fn mean(sights: Vec<Sight>) -> Result<Sight> {
+fn mean(sights: &[Sight]) -> Sight {
     let count = sights.len().max(1) as f64;
     let coverage = sights.iter().map(|sight| sight.coverage).sum::<f64>() / count;
-    Ok(Sight { coverage, tone: sights.iter().map(|sight| sight.tone).sum::<Vec3>() / count as f32 })
+    Sight { coverage, tone: sights.iter().map(|sight| sight.tone).sum::<Vec3>() / count as f32 }
 }
 
 #[cfg(test)]
