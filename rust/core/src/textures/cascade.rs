@@ -79,6 +79,8 @@ pub struct Kept {
     pub image: Image,
     /// The cutoff to draw it with.
     pub cutoff: f32,
+    /// How much its mip levels differ from that area and from the page's shape.
+    pub error: f64,
     recipe: Recipe,
 }
 
@@ -95,25 +97,25 @@ impl Keeping<'_> {
     #[must_use]
     pub fn best(&self, area: f64) -> Kept {
         let recipes = recipes(self.page.pixels().len(), self.seen.1).into_par_iter();
-        let tried: Vec<(f64, Kept)> = recipes.map(|recipe| self.tried(area, recipe)).collect();
-        let best = tried.into_iter().reduce(|best, other| if other.0 < best.0 { other } else { best });
-        best.expect("there are recipes").1
+        let tried: Vec<Kept> = recipes.map(|recipe| self.tried(area, recipe)).collect();
+        let best = tried.into_iter().reduce(|best, other| if other.error < best.error { other } else { best });
+        best.expect("there are recipes")
     }
 
     /// Returns a page that shows another area, made as `kept`.
     #[must_use]
     pub fn with_area(&self, area: f64, kept: &Kept) -> Kept {
-        self.tried(area, kept.recipe).1
+        self.tried(area, kept.recipe)
     }
 
-    /// Returns the error of a recipe and its page.
-    fn tried(&self, area: f64, recipe: Recipe) -> (f64, Kept) {
+    fn tried(&self, area: f64, recipe: Recipe) -> Kept {
         let own = Own::new(self.page, self.polygons, area, recipe.levels);
         let alpha = own.cascade(recipe);
         let cutoffs = NUDGES.map(|nudge| nudge * recipe.cutoff);
         let errors = own.errors(&alpha, cutoffs.map(code_at_least), self.seen);
         let best = (0..NUDGES.len()).min_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
-        (errors[best], Kept { image: self.page.clone().with_alpha(alpha), cutoff: cutoffs[best], recipe })
+        let image = self.page.clone().with_alpha(alpha);
+        Kept { image, cutoff: cutoffs[best], error: errors[best], recipe }
     }
 }
 
