@@ -41,6 +41,8 @@ LARGEST, SAMPLES = 512, 8
 """Side of the pictures, and samples along a pixel's side. Smaller pictures are means of these."""
 SMALL = 64
 """Side of the pictures in which the coverage of pages for engines is measured: about where levels take over."""
+MOST_SAMPLES = 16
+"""Most samples along a side of a pixel that the metrics take."""
 PICTURE_RADIUS = 1.025
 """Half the width of a picture, in R (bench/fidelity.py)."""
 PAPER: dict[str, Any] = {"effort": "literal", "candidates": int(CANDIDATES), "seed": int(SEED), "extra_error": 0.0}
@@ -150,7 +152,7 @@ def engine_errors(seen: Pictures, base: leafcloud.Foliage, level: leafcloud.Leve
         mip = min(max(round(math.log2(texels_per_pixel)), 0), len(mips) - 1)
         leaf = leafcloud.Material(image=mips[mip], alpha_mode="MASK", alpha_cutoff=cutoff)
         shown = leafcloud.Foliage(level.corners, fans(level.polygon_sizes), uvs=level.uvs, materials=[leaf])
-        pictures = rendered(base, [shown], size, SAMPLES * LARGEST // size)
+        pictures = rendered(base, [shown], size, min(SAMPLES * LARGEST // size, MOST_SAMPLES))
         leaves = smaller(seen, LARGEST // size)
         found[str(size)] = flip(leaves, pictures)
         if size == SMALL:

@@ -30,7 +30,7 @@ const CORRECTIONS: usize = 2;
 const COVERAGE_ERROR: f64 = 0.005;
 
 /// How much less well a page with another area may keep it on mip levels ([`Kept::error`]).
-const WORSE: f64 = 0.05;
+const WORSE: f64 = 0.15;
 
 /// Range of the factors on the area.
 const AREAS: (f64, f64) = (0.7, 1.4);
@@ -177,7 +177,11 @@ mod tests {
 
     #[test]
     fn pictures_correct_the_area_and_the_mean_color() {
-        let (page, part) = sparse(0.5);
+        let (needles, part) = sparse(0.5);
+        // Hills many texels wide: a page with more or less of them keeps its area on mip levels, too.
+        let wave = |texel: usize| (texel as f64 / 10.0).sin();
+        let hill = |i: usize| 127.5 + 120.0 * wave(i % 256) * wave(i / 256);
+        let page = needles.clone().with_alpha((0..1 << 16).map(|i| hill(i) as u8).collect());
         let own = shown(&page, &part, 0.5);
         let mean_area = |image: &Image, cutoff: f32| {
             means(image).iter().take(PICTURED).map(|mip| shown(mip, &part, cutoff)).sum::<f64>() / PICTURED as f64
@@ -189,11 +193,10 @@ mod tests {
             };
             EnginePage::new(&page, std::slice::from_ref(&part), 0, sight).unwrap()
         };
-        for denser in [0.8, 1.0, 1.15] {
+        for denser in [0.9, 1.0, 1.15] {
             let EnginePage { image, cutoffs } = made(denser);
             let covered = denser * mean_area(&image, cutoffs[0]) / own;
-            // These needles keep their area on mip levels within a tenth at best.
-            assert!((covered - 1.0).abs() < 0.1, "{denser}: {covered}");
+            assert!((covered - 1.0).abs() < 0.05, "{denser}: {covered}");
             // 30, 90 and 20 with half, the same and twice the linear light.
             let close = |p: &[u8; 4]| p[0].abs_diff(20) <= 1 && p[1] == 90 && p[2].abs_diff(32) <= 1;
             assert!(image.pixels().iter().filter(|p| p[3] > 0).all(close), "{:?}", image.pixels()[0]);
