@@ -78,7 +78,8 @@ impl Level {
     fn engine_page(&self, halvings: usize) -> &EnginePage {
         let halvings = halvings.min(MOST_HALVINGS);
         let make = || {
-            let (sharers, parts) = (self.sharers(), self.parts());
+            let sharers = self.sharers();
+            let parts: Vec<PagePart> = sharers.iter().map(|sharer| sharer.part.clone()).collect();
             let sight = |part: usize, image, cutoff| sharers[part].sight(image, cutoff);
             EnginePage::new(&self.page.base_color, &parts, halvings, sight).expect("the level was drawn before")
         };
@@ -96,7 +97,8 @@ impl Level {
         if self.alpha_cutoff == 0.0 {
             return Some(mips::means(&self.page.base_color).into_iter().map(whole).collect());
         }
-        let (parts, cutoffs) = (self.parts(), &self.engine_page(halvings).cutoffs);
+        let cutoffs = &self.engine_page(halvings).cutoffs;
+        let parts: Vec<PagePart> = self.sharers().iter().map(|sharer| sharer.part.clone()).collect();
         let with_cutoff = |(part, &alpha_cutoff): (&PagePart, &f32)| PagePart { alpha_cutoff, ..part.clone() };
         let image = recut(&self.page.base_color, &parts, cutoffs);
         let parts: Vec<PagePart> = parts.iter().zip(cutoffs).map(with_cutoff).collect();
@@ -111,10 +113,5 @@ impl Level {
         } else {
             Cow::Borrowed(&self.sharers)
         }
-    }
-
-    /// Returns the parts of all trees on the page.
-    fn parts(&self) -> Vec<PagePart> {
-        self.sharers().iter().map(|sharer| sharer.part.clone()).collect()
     }
 }
