@@ -99,7 +99,10 @@ def test_the_command_reads_the_promises_of_compressed_files(folders: dict[str, P
     from leafcloud.inspection import inspect
 
     plain, packed = (inspect(folders[name] / "shrub.glb") for name in ("three", "three compressed"))
-    assert [(each.name, each.holds) for each in packed.checks] == [(each.name, each.holds) for each in plain.checks]
+    # Mip levels are checked at image coordinates, which are integers in compressed files; these are not decoded.
+    wanted = [(each.name, each.holds) for each in plain.checks if "mip levels" not in each.name]
+    assert [(each.name, each.holds) for each in packed.checks] == wanted
+    assert len(wanted) >= 5
     assert all(each.holds for each in packed.checks)
     assert ("Babylon.js, Blender, Godot, Unreal, Bevy", "cannot open compressed meshes") in packed.engines
 
