@@ -46,7 +46,7 @@ ENGINES = """## Pages for engines
 
 [Files for engines](../decisions/engine_textures.md) halve and filter textures again. These are the same levels with the
 page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over, drawn at each size
-with the mip level whose texels are nearest to a pixel. Engines draw it at that size and smaller. Coverage is that at
+with the mip level that has texels of about a pixel. Engines draw it at that size and smaller. Coverage is measured at
 64². *off*: FLIP at {sizes}; *short*, *long*: relative to *off*."""
 
 CYCLES = """## In Cycles

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from box_mips import linear
 from laws import Floats
 
 BELOW = 0.5
@@ -36,11 +37,6 @@ class Impostor:
         depths = np.asarray(normal_depth, float) / 255.0
         depths[..., [0, 1, 3]] = 2.0 * depths[..., [0, 1, 3]] - 1.0
         return cls(codes, depths, tuple(numbers["extent"]), numbers["grid"], numbers["texels"])
-
-
-def linear(encoded: Floats) -> Floats:
-    """Decode sRGB in [0, 1]."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def unit(vectors: Floats) -> Floats:

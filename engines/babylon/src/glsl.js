@@ -353,7 +353,7 @@ vec3 lc_octahedral_corner(vec2 corner, vec3 eye, LcOctahedral impostor) {
 }
 `;
 
-export const SHARES = `// A cutoff for textures in whose mip levels alpha is the share of drawn texels: thin leaves neither dissolve nor flicker.
+export const SHARES = `// The cutoff for mip levels with the share of drawn texels as alpha: thin leaves neither dissolve nor flicker.
 //
 // For fragment shaders, because of derivatives; otherwise as leafcloud.glsl. A mean of alpha below the cutoff would draw no texel, one
 // above it all. Here each place on the leaves has a random cutoff of its own (Wyman and McGuire, "Hashed Alpha Testing", 2017), so that

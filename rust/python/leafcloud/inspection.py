@@ -33,7 +33,7 @@ _MOST_PAIRS = 2**22
 """Most pairs of a point and a plane that are compared at once."""
 
 _MOST_CORNERS = 20_000
-"""Most corners of leaves whose ends are looked up, evenly among all: a level may have thousands of planes."""
+"""Most corners of leaves that are compared with the planes of the next level, evenly chosen: it may have thousands."""
 
 _REACH = 4
 """FLIP counts within this many pixels of a silhouette."""

@@ -1,4 +1,4 @@
-// The cutoff of shaders/shares.glsl as nodes, for textures in whose mip levels alpha is the share of drawn texels.
+// The cutoff of shaders/shares.glsl as nodes, for mip levels with the share of drawn texels as alpha.
 import {
   cross,
   dFdx,

@@ -74,7 +74,7 @@ fn recipes(texels: usize, first_seen: usize) -> Vec<Recipe> {
     LEVELS.into_iter().flat_map(|levels| with(levels + first_seen)).collect()
 }
 
-/// A page whose alpha keeps an area on box-filtered mip levels, too.
+/// A page that shows the same area of its polygons on all its box-filtered mip levels.
 pub struct Kept {
     pub image: Image,
     /// The cutoff to draw it with.

@@ -29,7 +29,7 @@ const CORRECTIONS: usize = 2;
 /// Error of the coverage that needs no correction.
 const COVERAGE_ERROR: f64 = 0.005;
 
-/// How much less well a page with another area may keep it on mip levels ([`Kept::error`]).
+/// How much larger the error of the area on mip levels ([`Kept::error`]) may become by a correction.
 const WORSE: f64 = 0.15;
 
 /// Range of the factors on the area.
@@ -86,8 +86,8 @@ impl EnginePage {
     }
 }
 
-/// Returns the image and the cutoff that keep the area with which the leaves' coverage is met best on all mip levels, with the leaves' mean
-/// color. `sights`: of these levels.
+/// Returns the image and the cutoff with the coverage and the mean color of the leaves, as nearly as mip levels can keep them. `sights`: of
+/// these levels.
 fn corrected(keeping: &Keeping, area: f64, sights: impl Fn(&Kept) -> Result<Vec<Sight>>) -> Result<(Image, f32)> {
     let mut best = keeping.best(area);
     let mut seen = sights(&best)?;
