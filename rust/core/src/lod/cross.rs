@@ -97,6 +97,7 @@ pub(super) fn build(
         coverage,
         pictures,
         amounts: Arc::clone(&references.tuning),
+        refine_by: None,
         sharers: Arc::default(),
         part: 0,
         atlas,

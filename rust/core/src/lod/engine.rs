@@ -8,13 +8,14 @@ use glam::Vec3;
 use super::billboards::billboards;
 use super::cross;
 use super::level::Level;
+use super::refine::{LeafPictures, OnMips};
 use super::tune::TONES;
 use crate::atlas::{Atlas, Region};
 use crate::error::Result;
 use crate::foliage::{AlphaMode, Image, Material};
 use crate::geometry::Frame;
 use crate::metrics::Reference;
-use crate::textures::{EnginePage, PagePart, Sight, cut_outs, mips, recut};
+use crate::textures::{EnginePage, PagePart, Pictured, Sight, cut_outs, mips, recut};
 
 /// Pages for engines, by the number of halvings, each made when it is first wanted.
 pub(super) type EnginePages = [OnceLock<EnginePage>; MOST_HALVINGS + 1];
@@ -38,6 +39,7 @@ pub(super) struct Sharer {
     frame: Frame,
     material: Material,
     leaves: Arc<Reference>,
+    refine_by: Option<Arc<LeafPictures>>,
 }
 
 impl Sharer {
@@ -50,7 +52,15 @@ impl Sharer {
             frame: level.frame,
             material: Material { image: None, ..level.page.material(level.alpha_cutoff, !level.two_sided) },
             leaves: Arc::clone(&level.amounts),
+            refine_by: level.refine_by.clone(),
         }
+    }
+
+    /// Returns the page of the billboards, refined on its mip levels.
+    fn refined(&self, image: Image, cutoff: f32) -> Result<Image> {
+        let Some(pictures) = &self.refine_by else { return Ok(image) };
+        let on_mips = OnMips { atlas: &self.atlas, frame: &self.frame, material: &self.material, cutoff, pictures };
+        on_mips.refined(image)
     }
 
     /// Returns how the billboards look with another page.
@@ -60,6 +70,16 @@ impl Sharer {
         let pictures = self.leaves.compare(&billboards(&self.atlas, &self.frame, material)?)?;
         let tone = pictures.tone().clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1));
         Ok(Sight { coverage: pictures.coverage(), tone })
+    }
+}
+
+impl Pictured for [Sharer] {
+    fn sight(&self, part: usize, image: Image, cutoff: f32) -> Result<Sight> {
+        self[part].sight(image, cutoff)
+    }
+
+    fn refined(&self, part: usize, image: Image, cutoff: f32) -> Result<Image> {
+        self[part].refined(image, cutoff)
     }
 }
 
@@ -80,8 +100,7 @@ impl Level {
         let make = || {
             let sharers = self.sharers();
             let parts: Vec<PagePart> = sharers.iter().map(|sharer| sharer.part.clone()).collect();
-            let sight = |part: usize, image, cutoff| sharers[part].sight(image, cutoff);
-            EnginePage::new(&self.page.base_color, &parts, halvings, sight).expect("the level was drawn before")
+            EnginePage::new(&self.page.base_color, &parts, halvings, &*sharers).expect("the level was drawn before")
         };
         self.engine[halvings].get_or_init(make)
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::billboards::{billboard_ranks, billboards};
 use super::engine::{EnginePages, Sharer};
 use super::references::References;
-use super::refine::{Arrangement, Refined};
+use super::refine::{Arrangement, LeafPictures, Refined};
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
 use super::tight::{Shown, with_polygons};
@@ -93,6 +93,8 @@ pub struct Level {
     pub channel_seconds: ChannelSeconds,
     /// Renderings of the leaves for coverage and mean color.
     pub(super) amounts: Arc<Reference>,
+    /// Pictures that refine its page for engines; `None` without a refinement.
+    pub(super) refine_by: Option<Arc<LeafPictures>>,
     /// All trees on a shared page, this one at the place `part`; empty for a page of one tree.
     pub(super) sharers: Arc<[Sharer]>,
     pub(super) part: usize,
@@ -274,6 +276,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         coverage,
         pictures,
         amounts: Arc::clone(&step.references.tuning),
+        refine_by: None,
         cloud: Some(cloud),
         projection: Some(projection),
         sharers: Arc::default(),

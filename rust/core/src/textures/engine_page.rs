@@ -11,7 +11,8 @@
 use glam::Vec3;
 
 use super::cascade::{Keeping, Kept};
-use super::mips::{code_at_least, means, of_part};
+use super::light_grid::LightGrid;
+use super::mips::{code_at_least, of_part};
 use super::parts::{PagePart, apart, together};
 use super::tone;
 use crate::error::Result;
@@ -53,18 +54,27 @@ pub struct Sight {
     pub tone: Vec3,
 }
 
-impl EnginePage {
-    /// Returns the page with sides halved so many times, or as often as both can be halved. `sight` draws the billboards of a part, given by its
-    /// place among `parts`, with an image and a cutoff.
+/// Pictures of the billboards of each part, given by its place among the parts of a page.
+pub trait Pictured {
+    /// Draws a part with an image and a cutoff.
     ///
     /// # Errors
-    /// Those of `sight`.
-    pub fn new(
-        page: &Image,
-        parts: &[PagePart],
-        halvings: usize,
-        sight: impl Fn(usize, Image, f32) -> Result<Sight>,
-    ) -> Result<Self> {
+    /// No billboard has an area.
+    fn sight(&self, part: usize, image: Image, cutoff: f32) -> Result<Sight>;
+
+    /// Returns the image of a part, refined by pictures if they are there.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    fn refined(&self, part: usize, image: Image, cutoff: f32) -> Result<Image>;
+}
+
+impl EnginePage {
+    /// Returns the page with sides halved so many times, or as often as both can be halved.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    pub fn new(page: &Image, parts: &[PagePart], halvings: usize, pictured: &(impl Pictured + ?Sized)) -> Result<Self> {
         let whole = page.width().trailing_zeros().min(page.height().trailing_zeros());
         let halvings = halvings.min(whole as usize);
         let of_part = |(number, (page, part)): (usize, (Image, &PagePart))| -> Result<(Image, f32)> {
@@ -73,12 +83,12 @@ impl EnginePage {
             let small = of_part(&page, part, halvings).pop().unwrap_or(page);
             let first_seen = part.first_seen.saturating_sub(halvings);
             let keeping = Keeping { page: &small, seen: (part.alpha_cutoff, first_seen), polygons: &polygons };
-            corrected(&keeping, area, |kept| {
-                let levels = means(&kept.image);
-                let first = first_seen.min(levels.len() - 1);
-                let levels = levels.into_iter().skip(first).take(PICTURED);
-                levels.map(|level| sight(number, level, kept.cutoff)).collect()
-            })
+            let (image, cutoff) = corrected(&keeping, area, |kept| {
+                let levels: Vec<LightGrid> = LightGrid::of(&kept.image).levels(first_seen + PICTURED).collect();
+                let shown = levels.iter().skip(first_seen.min(levels.len() - 1));
+                shown.map(|level| pictured.sight(number, level.image(|_, texel| texel.w), kept.cutoff)).collect()
+            })?;
+            Ok((pictured.refined(number, image, cutoff)?, cutoff))
         };
         let made = apart(page, parts).into_iter().zip(parts).enumerate().map(of_part).collect::<Result<Vec<_>>>()?;
         let (images, cutoffs) = made.into_iter().unzip();
@@ -120,9 +130,21 @@ mod tests {
     use crate::atlas::Region;
     use crate::textures::mips::means;
 
-    #[allow(clippy::unnecessary_wraps, reason = "pictures may fail")]
-    fn as_leaves(_: usize, _: Image, _: f32) -> Result<Sight> {
-        Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
+    /// Pictures by a function of image and cutoff, without a refinement.
+    struct By<F>(F);
+
+    impl<F: Fn(Image, f32) -> Sight> Pictured for By<F> {
+        fn sight(&self, _: usize, image: Image, cutoff: f32) -> Result<Sight> {
+            Ok((self.0)(image, cutoff))
+        }
+
+        fn refined(&self, _: usize, image: Image, _: f32) -> Result<Image> {
+            Ok(image)
+        }
+    }
+
+    fn as_leaves() -> By<impl Fn(Image, f32) -> Sight> {
+        By(|_, _| Sight { coverage: 1.0, tone: Vec3::ONE })
     }
 
     /// Two needles on each of 256 small billboards; the polygons are the billboards without their rims.
@@ -164,7 +186,7 @@ mod tests {
         let own = shown(&page, &part, 0.5);
         for halvings in 0..3 {
             let EnginePage { image, cutoffs } =
-                EnginePage::new(&page, std::slice::from_ref(&part), halvings, as_leaves).unwrap();
+                EnginePage::new(&page, std::slice::from_ref(&part), halvings, &as_leaves()).unwrap();
             assert_eq!((image.width(), image.height()), (256 >> halvings, 256 >> halvings));
             for (number, mip) in means(&image).iter().take(3).enumerate() {
                 let found = shown(mip, &part, cutoffs[0]) / own;
@@ -188,10 +210,11 @@ mod tests {
         };
         let made = |denser: f64| {
             // Pictures in which each mip level covers so many times as much as its area.
-            let sight = |_: usize, image: Image, cutoff: f32| -> Result<Sight> {
-                Ok(Sight { coverage: denser * shown(&image, &part, cutoff) / own, tone: Vec3::new(0.5, 1.0, 2.0) })
+            let sight = |image: Image, cutoff: f32| Sight {
+                coverage: denser * shown(&image, &part, cutoff) / own,
+                tone: Vec3::new(0.5, 1.0, 2.0),
             };
-            EnginePage::new(&page, std::slice::from_ref(&part), 0, sight).unwrap()
+            EnginePage::new(&page, std::slice::from_ref(&part), 0, &By(sight)).unwrap()
         };
         for denser in [0.9, 1.0, 1.15] {
             let EnginePage { image, cutoffs } = made(denser);
@@ -219,13 +242,13 @@ mod tests {
             PagePart { regions: left, drawn: on(true), alpha_cutoff: 0.2, ..whole.clone() },
             PagePart { regions: right, drawn: on(false), alpha_cutoff: 0.9, ..whole.clone() },
         ];
-        let both = EnginePage::new(&page, &parts, 1, as_leaves).unwrap();
+        let both = EnginePage::new(&page, &parts, 1, &as_leaves()).unwrap();
         for (number, part) in parts.iter().enumerate() {
             let mut alone: Vec<[u8; 4]> = page.pixels().to_vec();
             let other = |i: &usize| (i % 256 < 128) == (number == 1);
             (0..1 << 16).filter(other).for_each(|i| alone[i][3] = 0);
             let alone = Image::new(256, 256, alone).unwrap();
-            let alone = EnginePage::new(&alone, std::slice::from_ref(part), 1, as_leaves).unwrap();
+            let alone = EnginePage::new(&alone, std::slice::from_ref(part), 1, &as_leaves()).unwrap();
             assert_eq!(alone.cutoffs, [both.cutoffs[number]]);
             let own = |i: &usize| (i % 128 < 64) == (number == 0);
             assert!((0..1 << 14).filter(own).all(|i| alone.image.pixels()[i] == both.image.pixels()[i]));

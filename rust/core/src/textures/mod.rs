@@ -9,6 +9,7 @@ mod few;
 mod halves;
 pub mod image;
 mod labels;
+mod light_grid;
 pub mod mips;
 mod on_polygons;
 mod page;
@@ -27,7 +28,8 @@ use rayon::prelude::*;
 
 pub use channels::Channel;
 pub(crate) use dilate::{fill_gaps, fill_transparent};
-pub use engine_page::{EnginePage, Sight};
+pub use engine_page::{EnginePage, Pictured, Sight};
+pub(crate) use light_grid::{LightGrid, light};
 pub use page::{Channels, Page};
 pub use parts::{PagePart, cut_outs};
 pub(crate) use raster::rasterise_timed;

@@ -3,11 +3,10 @@
 use glam::{Vec2, Vec4};
 
 use super::picture::{Target, at_both_scales, over_gray};
-use super::texels::Texels;
 use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::metrics::{View, texture_points};
-use crate::textures::Samples;
+use crate::textures::{LightGrid, Samples};
 
 /// A texel's share in the difference, at one point of a picture.
 #[derive(Clone, Copy)]
@@ -51,7 +50,7 @@ type TexturePoints = Vec<Vec4>;
 
 impl Drawn {
     /// Returns the credits of one view, with so many points along the side of a pixel.
-    pub fn credits(&self, texels: &Texels, target: &Target, view: &View, points: usize) -> Result<Credits> {
+    pub fn credits(&self, texels: &LightGrid, target: &Target, view: &View, points: usize) -> Result<Credits> {
         let fine = View { size: view.size * points, samples: Samples::new(1)?, ..*view };
         let grid = Grid { size: view.size, points };
         let [here, denser, sparser] = [&self.here, &self.denser, &self.sparser].map(|part| texture_points(part, &fine));
@@ -80,7 +79,7 @@ fn differs(a: &Vec4, b: &Vec4) -> bool {
     (a.x, a.y, a.w) != (b.x, b.y, b.w)
 }
 
-fn of_colors(texels: &Texels, grid: &Grid, here: &TexturePoints, colors: &[Vec4]) -> Vec<Credit<Vec4>> {
+fn of_colors(texels: &LightGrid, grid: &Grid, here: &TexturePoints, colors: &[Vec4]) -> Vec<Credit<Vec4>> {
     let visible = here.iter().enumerate().filter(|(_, point)| point.w > 0.0);
     visible.map(|(index, point)| Credit { texel: texels.nearest(point), value: colors[grid.pixel(index)] }).collect()
 }

@@ -24,7 +24,9 @@
 
 mod credit;
 mod gain;
+mod leaf_views;
 mod of_level;
+mod on_mips;
 mod pairs;
 mod parts;
 mod picture;
@@ -37,7 +39,8 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use self::credit::{Credits, Drawn};
-use self::gain::{Gain, TestViews};
+use self::gain::Gain;
+use self::leaf_views::{LeafView, LeafViews, drawn};
 use self::picture::Target;
 pub(super) use self::planes::Arrangement;
 use self::texels::{Rates, Texels};
@@ -53,6 +56,7 @@ use crate::progress::Progress;
 use crate::textures::{Page, Samples};
 
 pub(super) use of_level::refined;
+pub(super) use on_mips::{LeafPictures, OnMips};
 
 /// Effort of the refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -140,6 +144,21 @@ pub struct Subject<'a> {
     pub up: DVec3,
 }
 
+/// Most pictures of the leaves that are kept for pages for engines.
+const KEPT: usize = 24;
+
+/// A page after refinement.
+pub struct RefinedPage {
+    /// Unchanged if nothing became better.
+    pub page: Page,
+    /// Its alpha cutoff.
+    pub cutoff: f32,
+    /// What changed.
+    pub refined: Refined,
+    /// Pictures of the leaves that were drawn for it.
+    pub pictures: LeafPictures,
+}
+
 /// What a refinement has changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refined {
@@ -152,6 +171,9 @@ const SIZES: (usize, usize) = (64, 256);
 
 /// Points along a pixel's side at which the level is looked at.
 const POINTS: usize = 2;
+
+/// Number of test views.
+const TEST_VIEWS: usize = 8;
 
 /// Turn of the test views. Other views tune (turn ¼) and report (½), and benchmarks use others again (0).
 const TEST_TURN: f64 = 0.4;
@@ -169,30 +191,25 @@ fn turn_of(step: usize) -> f64 {
 pub const BAND: f32 = 0.2;
 
 impl Subject<'_> {
-    /// Returns the page and the cutoff after refinement, with what changed; both unchanged if nothing became better.
+    /// Returns the page after refinement.
     ///
     /// # Errors
     /// No billboard has an area; [`crate::Error::Cancelled`].
-    pub fn refined(
-        &self,
-        page: &Page,
-        cutoff: f32,
-        effort: Refinement,
-        progress: Progress,
-    ) -> Result<(Page, f32, Refined)> {
+    pub fn refined(&self, page: &Page, cutoff: f32, effort: Refinement, progress: Progress) -> Result<RefinedPage> {
         let Plan { rounds, steps, views } = effort.plan();
         progress.tell("refine", 0.0)?;
         let size = self.size();
-        let tests = TestViews::new(self.leaves, self.views(gain::VIEWS, size, TEST_TURN)?)?;
+        let tests = LeafViews::of(drawn(self.leaves, self.views(TEST_VIEWS, size, TEST_TURN)?)?);
         let first = tests.errors(&self.shown(page, cutoff)?, Vec3::ONE)?;
         let mut best = (page.clone(), cutoff, Gain::none(&first));
+        let mut kept = Vec::new();
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
             let stage = format!("refine (error {:.0} %)", 100.0 * best.2.mean());
             progress.tell(&stage, step as f64 / (rounds * steps) as f64)?;
-            let views = self.views(views, size, turn_of(step))?;
-            let credits = self.credits(page, &texels, cutoff, &views)?;
-            texels.move_by(&credits, Rates::of_step(step));
+            let seen = drawn(self.leaves, self.views(views, size, turn_of(step))?)?;
+            texels.move_by(&self.credits(page, &texels, cutoff, &seen)?, Rates::of_step(step));
+            kept.extend(seen);
             if (step + 1) % steps == 0 {
                 let (page, cutoff) = self.balanced(page, &mut texels, cutoff)?;
                 let gain = Gain::over(&first, &tests.errors(&self.shown(&page, cutoff)?, Vec3::ONE)?);
@@ -203,7 +220,9 @@ impl Subject<'_> {
         }
         progress.tell("refine", 1.0)?;
         let (page, cutoff, gain) = best;
-        Ok((page, cutoff, Refined { errors: gain.errors }))
+        let steps = LeafViews::of(kept.split_off(kept.len().saturating_sub(KEPT)));
+        let pictures = LeafPictures { steps, tests };
+        Ok(RefinedPage { page, cutoff, refined: Refined { errors: gain.errors }, pictures })
     }
 
     /// Returns a page with the texels and its cutoff, both with the coverage and the mean color of the leaves.
@@ -231,18 +250,15 @@ impl Subject<'_> {
     }
 
     /// Returns what the texels contribute to the difference from the leaves, view by view.
-    fn credits(&self, page: &Page, texels: &Texels, cutoff: f32, views: &[View]) -> Result<Credits> {
+    fn credits(&self, page: &Page, texels: &Texels, cutoff: f32, seen: &[LeafView]) -> Result<Credits> {
         let page = Page { base_color: texels.widened(), ..page.clone() };
         let at = |cutoff: f32| {
             let material = page.material(cutoff.clamp(1.0 / 255.0, 1.0), self.double_sided);
             billboards(self.tight, self.frame, material)
         };
         let drawn = Drawn { here: at(cutoff)?, denser: at(cutoff - BAND)?, sparser: at(cutoff + BAND)? };
-        let of_view = |view: &View| -> Result<Credits> {
-            let target = Target::new(self.leaves, view)?;
-            drawn.credits(texels, &target, view, POINTS)
-        };
-        let each = views.par_iter().map(of_view).collect::<Result<Vec<_>>>()?;
+        let of_view = |(view, image): &LeafView| drawn.credits(texels.grid(), &Target::of(image), view, POINTS);
+        let each = seen.par_iter().map(of_view).collect::<Result<Vec<_>>>()?;
         Ok(Credits::joined(each))
     }
 }

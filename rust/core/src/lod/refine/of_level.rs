@@ -1,8 +1,9 @@
 //! The refinement of a level's textures, and with them of its polygons and its figures.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::{BAND, Refinement, Subject};
+use super::{BAND, RefinedPage, Refinement, Subject};
 use crate::error::Result;
 use crate::lod::billboards::billboards;
 use crate::lod::level::{Level, Step, tightened};
@@ -33,8 +34,9 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
         double_sided: !level.two_sided,
         up: settings.up,
     };
-    let (page, alpha_cutoff, refined) = subject.refined(&level.page, level.alpha_cutoff, settings.refine, progress)?;
-    let mut level = Level { page, alpha_cutoff, refined: Some(refined), ..level };
+    let made = subject.refined(&level.page, level.alpha_cutoff, settings.refine, progress)?;
+    let RefinedPage { page, cutoff: alpha_cutoff, refined, pictures } = made;
+    let mut level = Level { page, alpha_cutoff, refined: Some(refined), refine_by: Some(Arc::new(pictures)), ..level };
     level.atlas = tight(alpha_cutoff, &level);
     let shown = billboards(&level.atlas, &level.frame, level.page.material(alpha_cutoff, !level.two_sided))?;
     level.pictures = step.references.report.compare(&shown)?;

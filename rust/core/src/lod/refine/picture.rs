@@ -4,10 +4,9 @@ use std::ops::AddAssign;
 
 use glam::{Vec3, Vec4};
 
-use crate::color::{decode_table, encode};
-use crate::error::Result;
-use crate::foliage::{Foliage, Image};
-use crate::metrics::{View, render};
+use crate::color::encode;
+use crate::foliage::Image;
+use crate::textures::light;
 
 /// Share of the background's light, as a code. The image error (FLIP) has the same background.
 const GRAY: f32 = 0.5;
@@ -18,12 +17,6 @@ pub fn over_gray(light: Vec4) -> Vec4 {
     (codes * light.w + Vec3::splat(GRAY * (1.0 - light.w))).extend(light.w)
 }
 
-/// Returns the linear light of a pixel, with alpha.
-pub fn light([r, g, b, alpha]: [u8; 4]) -> Vec4 {
-    let light = Vec3::from_array([r, g, b].map(|code| decode_table()[code as usize]));
-    light.extend(f32::from(alpha) / 255.0)
-}
-
 /// A picture of the leaves.
 pub struct Target {
     /// Straight linear light, with alpha; row by row from the top.
@@ -31,12 +24,7 @@ pub struct Target {
 }
 
 impl Target {
-    /// Draws the leaves.
-    pub fn new(leaves: &Foliage, view: &View) -> Result<Self> {
-        Ok(Self::of(&render(&[leaves], view)?))
-    }
-
-    fn of(image: &Image) -> Self {
+    pub fn of(image: &Image) -> Self {
         Self { pixels: image.pixels().iter().copied().map(light).collect() }
     }
 }

@@ -18,12 +18,13 @@
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::gain::{Errors, Gain, TestViews};
+use super::gain::{Errors, Gain};
+use super::leaf_views::{LeafViews, drawn};
 use super::pairs::Picture;
 use super::parts::{Parts, Places};
 use super::slabs::Slabs;
 use super::switches::Switches;
-use super::{Refined, Refinement, SIZES, TEST_TURN, gain, turn_of};
+use super::{Refined, Refinement, SIZES, TEST_TURN, TEST_VIEWS, turn_of};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::ImageBound;
@@ -92,7 +93,7 @@ impl Arrangement<'_> {
         }
         progress.tell("refine", 0.0)?;
         let (stretch, projection) = tune::projection(self.finer, &cloud, self.amounts)?;
-        let tests = TestViews::new(self.leaves, self.views(gain::VIEWS, TEST_TURN)?)?;
+        let tests = LeafViews::of(drawn(self.leaves, self.views(TEST_VIEWS, TEST_TURN)?)?);
         let (first, tone) = self.errors(&tests, &projection)?;
         let (parts, mut places) = Parts::new(self.finer, &cloud, stretch, self.image);
         let bound = cloud.bound;
@@ -116,7 +117,7 @@ impl Arrangement<'_> {
     }
 
     /// Returns the errors of the collapsed leaves with the mean color of the leaves, which the texture will have, and their factors.
-    fn errors(&self, tests: &TestViews, projection: &Projection) -> Result<(Errors, Vec3)> {
+    fn errors(&self, tests: &LeafViews, projection: &Projection) -> Result<(Errors, Vec3)> {
         let collapsed = projection.at(self.finer, HAND_OVER)?;
         let tone = self.amounts.tone(&collapsed)?.clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1));
         Ok((tests.errors(&collapsed, tone)?, tone))

@@ -8,6 +8,7 @@ use crate::fit::FitSettings;
 use crate::foliage::{Attributes, Image, Material};
 use crate::lod::{ChainSettings, Level, build_chain};
 use crate::metrics::Comparison;
+use crate::textures::LightGrid;
 
 /// Cards in a ball, each with a round leaf of another green on a transparent ground.
 pub fn bush(count: u32) -> Foliage {
@@ -117,6 +118,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
     assert_eq!(one.page, three.page);
     assert_eq!(one.alpha_cutoff, three.alpha_cutoff);
     assert_eq!(one.refined, three.refined);
+    assert!(one.for_engines(1) == three.for_engines(1));
 }
 
 #[test]
@@ -229,4 +231,50 @@ fn a_gain_counts_only_if_no_size_loses() {
     assert!(!gain([0.02, 0.101]).is_better_than(&none), "the small pictures became worse");
     assert!(gain([0.1, 0.05]).is_better_than(&gain([0.1, 0.1])));
     assert!(!none.is_better_than(&none));
+}
+
+/// Errors and mean colors of a page for engines on its mip levels, in views that no refinement uses.
+fn on_mip_levels(foliage: &Foliage, level: &Level, image: &Image, cutoff: f32) -> Vec<(f64, f32)> {
+    let look = |(number, mip): (usize, LightGrid)| {
+        let views = Views { count: 6, size: 96 >> number, samples: Samples::new(4).unwrap(), up: DVec3::Z, turn: 0.13 };
+        let leaves = Reference::new(&[foliage], foliage.frame(), views).unwrap();
+        let alpha_mode = crate::AlphaMode::Mask(cutoff);
+        let image = Some(mip.image(|_, texel| texel.w));
+        let material = Material { image, alpha_mode, ..level.page.material(cutoff, !level.two_sided) };
+        let pictures = leaves.compare(&billboards(&level.atlas, &level.frame, material).unwrap()).unwrap();
+        (error(&pictures), pictures.tone().y)
+    };
+    LightGrid::of(image).levels(3).enumerate().map(look).collect()
+}
+
+#[test]
+fn pages_for_engines_become_more_like_the_leaves_on_all_mip_levels() {
+    let foliage = bush(400);
+    let refined = level(&foliage, Refinement::Short);
+    let plain = Level { refine_by: None, engine: std::sync::Arc::default(), ..refined.clone() };
+    let [old, new] = [&plain, &refined].map(|level| {
+        let (image, cutoff) = level.for_engines(1);
+        on_mip_levels(&foliage, level, image, cutoff)
+    });
+    assert!(new.iter().zip(&old).all(|(new, old)| new.0 < 0.98 * old.0), "{new:?} after {old:?}");
+}
+
+#[test]
+fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
+    let foliage = bush(200);
+    let level = level(&foliage, Refinement::Short);
+    let (image, cutoff) = level.for_engines(1);
+    let dark = image.mapped(|[r, g, b, a]| [r / 2, g / 2, b / 2, a]);
+    let on_mips = OnMips {
+        atlas: &level.atlas,
+        frame: &level.frame,
+        material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
+        cutoff,
+        pictures: level.refine_by.as_ref().unwrap(),
+    };
+    let after = on_mips.refined(dark.clone()).unwrap();
+    let far = |image: &Image| on_mip_levels(&foliage, &level, image, cutoff).iter().all(|(_, tone)| *tone > 3.0);
+    assert!(far(&dark), "the test darkens the page");
+    let found = on_mip_levels(&foliage, &level, &after, cutoff);
+    assert!(found.iter().all(|(_, tone)| (tone - 1.0).abs() < 0.15), "{found:?}");
 }

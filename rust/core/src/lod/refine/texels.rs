@@ -4,21 +4,18 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::credit::{Credit, Credits};
-use super::picture::{box_sums, light};
+use super::picture::box_sums;
 use crate::atlas::{Atlas, Region};
-use crate::color::{encode, quantise};
 use crate::foliage::Image;
 use crate::groups::Groups;
+use crate::textures::{LightGrid, light};
 
 /// Base color in linear light, and alpha.
 pub struct Texels {
-    width: usize,
-    height: usize,
+    grid: LightGrid,
     fields: Vec<Field>,
     /// The billboard of each texel; their number where there is none.
     owners: Vec<u32>,
-    /// Straight colors, and alpha.
-    values: Vec<Vec4>,
     /// The page at the start, and the factors on its colors since.
     start: Image,
     factors: Vec3,
@@ -68,18 +65,17 @@ impl Texels {
     /// Outlines stay, because they are where there is no difference. So edges can move by several texels, as with textures of distances
     /// (Green, "Improved Alpha-Tested Magnification for Vector Textures and Special Effects", 2007).
     pub fn of(image: &Image, atlas: &Atlas, cutoff: f32) -> Self {
-        let (width, height) = (image.width(), image.height());
-        let fields: Vec<Field> = atlas.regions().map(|region| Field { region, width }).collect();
-        let owners = owners(&fields, width * height);
-        let values: Vec<Vec4> = image.pixels().par_iter().copied().map(light).collect();
-        let slopes = vec![1.0; values.len()];
+        let grid = LightGrid::of(image);
+        let fields: Vec<Field> = atlas.regions().map(|region| Field { region, width: grid.0.width }).collect();
+        let owners = owners(&fields, grid.0.pixels.len());
+        let slopes = vec![1.0; grid.0.pixels.len()];
         let (start, factors) = (image.clone(), Vec3::ONE);
-        let mut page = Self { width, height, fields, owners, values, start, factors, cutoff, slopes };
+        let mut page = Self { grid, fields, owners, start, factors, cutoff, slopes };
         let slopes: Vec<Vec<f32>> = page.fields.par_iter().map(|field| page.slopes(field)).collect();
         for (field, slopes) in page.fields.iter().zip(slopes) {
             for (texel, slope) in field.texels().zip(slopes) {
                 page.slopes[texel] = slope;
-                page.values[texel].w = cutoff + (page.values[texel].w - cutoff) * slope;
+                page.grid.0.pixels[texel].w = cutoff + (page.grid.0.pixels[texel].w - cutoff) * slope;
             }
         }
         page
@@ -88,7 +84,7 @@ impl Texels {
     /// Returns the slopes of a billboard's alpha: small near edges, 1 far from them.
     fn slopes(&self, field: &Field) -> Vec<f32> {
         // The number of drawn texels around a texel, with the number of all.
-        let is_drawn = |texel: usize| f32::from(u8::from(self.values[texel].w >= self.cutoff));
+        let is_drawn = |texel: usize| f32::from(u8::from(self.grid.0.pixels[texel].w >= self.cutoff));
         let mut drawn: Vec<Vec2> = field.texels().map(|texel| Vec2::new(is_drawn(texel), 1.0)).collect();
         for _ in 0..2 {
             drawn = box_sums(&drawn, field.region.width, REACH);
@@ -99,47 +95,23 @@ impl Texels {
 
     /// Multiplies all colors. Rounded to codes, colors keep their mean only if they vary in fractions of a code, as these do.
     pub fn scale(&mut self, factors: Vec3) {
-        self.values.par_iter_mut().for_each(|texel| *texel *= factors.extend(1.0));
+        self.grid.0.pixels.par_iter_mut().for_each(|texel| *texel *= factors.extend(1.0));
         self.factors *= factors;
     }
 
-    /// Returns an image of alpha alone, with widened edges.
+    /// Returns the colors, and alpha with widened edges.
+    pub fn grid(&self) -> &LightGrid {
+        &self.grid
+    }
+
+    /// Returns an image with widened edges.
     pub fn widened(&self) -> Image {
-        self.image(|_, texel| [0, 0, 0, quantise(texel.w)])
+        self.grid.image(|_, texel| texel.w)
     }
 
     /// Returns the page's image, with edges as steep as they were at the start.
     pub fn page(&self) -> Image {
-        self.image(|index, texel| {
-            let alpha = self.cutoff + (texel.w - self.cutoff) / self.slopes[index];
-            [encode(texel.x), encode(texel.y), encode(texel.z), quantise(alpha)]
-        })
-    }
-
-    fn image(&self, pixel: impl Fn(usize, &Vec4) -> [u8; 4] + Sync) -> Image {
-        let pixels: Vec<[u8; 4]> = self.values.par_iter().enumerate().map(|(i, texel)| pixel(i, texel)).collect();
-        Image::new(self.width, self.height, pixels).expect("as many texels as before")
-    }
-
-    /// Returns the index of the texel at a point.
-    pub fn nearest(&self, point: &Vec4) -> u32 {
-        let column = (point.x * self.width as f32) as usize;
-        let row = ((1.0 - point.y) * self.height as f32) as usize;
-        (row.min(self.height - 1) * self.width + column.min(self.width - 1)) as u32
-    }
-
-    /// Returns the color at a point, between its four texels, with 1; zeros where nothing is drawn.
-    pub fn color_at(&self, point: &Vec4) -> Vec4 {
-        if point.w == 0.0 {
-            return Vec4::ZERO;
-        }
-        let place = |coordinate: f32, size: usize| (coordinate * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
-        let (x, y) = (place(point.x, self.width), place(1.0 - point.y, self.height));
-        let (left, top) = (x as usize, y as usize);
-        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
-        let texel = |column: usize, row: usize| self.values[row * self.width + column];
-        let across = |row: usize| texel(left, row).lerp(texel(right, row), x - left as f32);
-        across(top).lerp(across(bottom), y - top as f32).truncate().extend(1.0)
+        self.grid.image(|index, texel| self.cutoff + (texel.w - self.cutoff) / self.slopes[index])
     }
 
     /// Moves the texels of all billboards.
@@ -157,7 +129,7 @@ impl Texels {
         let most = self.alpha_rate(&steps, rates.edges);
         for (field, steps) in self.fields.iter().zip(steps) {
             for (texel, step) in field.texels().zip(steps) {
-                let value = &mut self.values[texel];
+                let value = &mut self.grid.0.pixels[texel];
                 // A texel without alpha stays so: gutters, and places far from all leaves.
                 let alpha = if value.w > 0.0 { (value.w + most * step.w).clamp(1.0 / 255.0, 1.0) } else { 0.0 };
                 *value = step.truncate().extend(alpha);
@@ -171,7 +143,7 @@ impl Texels {
         let start = light(self.start.pixels()[texel]).truncate() * self.factors;
         let step = color.truncate() / (color.w + PRIOR) * rates.color;
         let brightest = (start * FARTHEST + FAINT).min(Vec3::ONE);
-        let rgb = (self.values[texel].truncate() + step).clamp((start / FARTHEST).min(brightest), brightest);
+        let rgb = (self.grid.0.pixels[texel].truncate() + step).clamp((start / FARTHEST).min(brightest), brightest);
         let mean = alpha.x / (alpha.y + PRIOR);
         rgb.extend(mean / (mean.abs() + usual).max(f32::MIN_POSITIVE))
     }
@@ -182,11 +154,11 @@ impl Texels {
         let of_field = |(field, steps): (&Field, &Vec<Vec4>)| {
             let (mut drawn, mut moved) = (0u32, [0u32; CHOICES]);
             for (texel, step) in field.texels().zip(steps) {
-                let lack = self.cutoff - self.values[texel].w;
+                let lack = self.cutoff - self.grid.0.pixels[texel].w;
                 drawn += u32::from(lack <= 0.0);
                 // The rate at which the texel changes sides.
                 let rate = lack / (MOST * step.w);
-                if rate > 0.0 && rate < 1.0 && self.values[texel].w > 0.0 {
+                if rate > 0.0 && rate < 1.0 && self.grid.0.pixels[texel].w > 0.0 {
                     moved[(rate * CHOICES as f32) as usize] += 1;
                 }
             }
@@ -223,7 +195,7 @@ fn owners(fields: &[Field], texels: usize) -> Vec<u32> {
 }
 
 /// Returns the mean absolute credit.
-fn mean_credit(credits: &[Credit<Vec2>]) -> f32 {
+pub fn mean_credit(credits: &[Credit<Vec2>]) -> f32 {
     let sum: f64 = credits.iter().map(|credit| f64::from(credit.value.x.abs())).sum();
     (sum / credits.len().max(1) as f64) as f32
 }

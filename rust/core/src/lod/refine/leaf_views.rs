@@ -1,0 +1,85 @@
+//! Pictures of the leaves in some views, and the errors of a level in them.
+//!
+//! The error of a picture is the sum of absolute differences of codes over gray, for each pixel of the leaves: sums in a fixed order, so it is the
+//! same on any machine, which FLIP is not.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::gain::Errors;
+use super::picture::over_gray;
+use crate::error::Result;
+use crate::foliage::{Foliage, Image};
+use crate::metrics::{View, render};
+use crate::textures::{light, mips};
+
+/// Side of the smallest pictures, in pixels.
+const SMALLEST: usize = 32;
+
+/// A view, and the picture of the leaves in it.
+pub type LeafView = (View, Image);
+
+/// Pictures of the leaves in some views of one size, each with its halves.
+#[derive(Clone, Debug)]
+pub struct LeafViews {
+    views: Vec<View>,
+    leaves: Vec<Arc<[Image]>>,
+}
+
+/// Draws the leaves.
+pub fn drawn(leaves: &Foliage, views: Vec<View>) -> Result<Vec<LeafView>> {
+    views.into_par_iter().map(|view| Ok((view, render(&[leaves], &view)?))).collect()
+}
+
+impl LeafViews {
+    pub fn of(drawn: Vec<LeafView>) -> Self {
+        let (views, pictures): (Vec<View>, Vec<Image>) = drawn.into_iter().unzip();
+        Self { views, leaves: pictures.into_iter().map(|picture| halves(picture).into()).collect() }
+    }
+
+    /// Returns the sides of the pictures in pixels, the largest first.
+    pub fn sizes(&self) -> Vec<usize> {
+        self.leaves.first().map_or(Vec::new(), |halves| halves.iter().map(Image::width).collect())
+    }
+
+    /// Returns the views with pictures of one of [`Self::sizes`].
+    pub fn of_size(&self, size: usize) -> Self {
+        let smaller = |halves: &Arc<[Image]>| halves.iter().filter(|half| half.width() <= size).cloned().collect();
+        let views = self.views.iter().map(|view| View { size, ..*view }).collect();
+        Self { views, leaves: self.leaves.iter().map(smaller).collect() }
+    }
+
+    /// Returns each view with its largest picture.
+    pub fn pictures(&self) -> impl Iterator<Item = (&View, &Image)> {
+        self.views.iter().zip(self.leaves.iter().map(|halves| &halves[0]))
+    }
+
+    /// Returns the errors of a level, with factors on its colors.
+    pub fn errors(&self, level: &Foliage, tone: Vec3) -> Result<Errors> {
+        let of_view = |view: &View| render(&[level], view).map(halves);
+        let level = self.views.par_iter().map(of_view).collect::<Result<Vec<_>>>()?;
+        let of_size = |(number, size): (usize, usize)| {
+            let pairs = self.leaves.par_iter().zip(&level);
+            let each: Vec<f64> = pairs.map(|(leaves, level)| error(&leaves[number], &level[number], tone)).collect();
+            (size, each.iter().sum::<f64>() / each.len() as f64)
+        };
+        Ok(self.sizes().into_iter().enumerate().map(of_size).collect())
+    }
+}
+
+fn halves(image: Image) -> Vec<Image> {
+    mips::means(&image).into_iter().take_while(|half| half.width() >= SMALLEST).collect()
+}
+
+/// Returns the sum of absolute differences over the number of pixels that show the leaves.
+fn error(leaves: &Image, level: &Image, tone: Vec3) -> f64 {
+    let (mut sum, mut count) = (0.0, 0u32);
+    for (&wanted, &found) in leaves.pixels().iter().zip(level.pixels()) {
+        let difference = over_gray(light(wanted)) - over_gray(light(found) * tone.extend(1.0));
+        sum += f64::from(difference.abs().element_sum());
+        count += u32::from(wanted[3] > 0);
+    }
+    sum / f64::from(count.max(1))
+}
