@@ -15,7 +15,6 @@ from command_line import QUICK, bake
 from glb import read_glb, rewritten
 from PIL import Image
 
-from leafcloud._png import alpha_of_png
 from leafcloud.command import main
 
 
@@ -116,24 +115,6 @@ def test_textures_that_dissolve_in_mip_levels_are_found(
     assert {each["name"]: each["holds"] for each in found["checks"]}[name]
     status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "noise.glb", replace))
     assert (status, [each["name"] for each in found["checks"] if not each["holds"]]) == (1, [name])
-
-
-@pytest.mark.parametrize("mode", ["RGBA", "LA", "RGB", "P", "L"])
-def test_alpha_of_png_files_is_read(mode: str) -> None:
-    """Pillow chooses other filters for smooth rows than for noise."""
-    rng = np.random.default_rng(3)
-    smooth = np.add.outer(np.arange(61), 2 * np.arange(47)).astype(np.uint8)
-    rows = np.where(np.arange(61)[:, None] % 3 == 0, rng.integers(0, 256, (61, 47)), smooth).astype(np.uint8)
-    image = Image.fromarray(np.stack([rows, rows[::-1], rows, rows[:, ::-1]], axis=2)).convert(mode)
-    saved = io.BytesIO()
-    image.save(saved, "PNG")
-    found = alpha_of_png(saved.getvalue())
-    if mode in ("RGBA", "LA"):
-        assert found is not None
-        np.testing.assert_array_equal(np.rint(found * 255.0), np.asarray(image)[..., -1])
-    else:
-        assert found is None
-    assert alpha_of_png(saved.getvalue()[:200]) is None
 
 
 def test_another_tools_file_is_one_level_without_promises(shrub: Path, capsys: pytest.CaptureFixture[str]) -> None:

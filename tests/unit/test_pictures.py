@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import struct
+import zlib
+
 import numpy as np
 import pytest
 from apng import durations_of, frames_of
 from numpy.typing import NDArray
+from PIL import Image
 
 import leafcloud
 from leafcloud import Foliage, LeafcloudError
@@ -88,6 +93,28 @@ def test_a_palette_is_close_to_many_colors() -> None:
 def test_wrong_animations_are_refused(count: int, options: dict, said: str) -> None:
     with pytest.raises(LeafcloudError, match=said):
         leafcloud.encode_png([picture(1)] * count, **options)
+
+
+@pytest.mark.parametrize("mode", ["RGBA", "LA", "RGB", "P", "L"])
+def test_image_files_are_decoded_as_by_pillow(mode: str) -> None:
+    """Pillow chooses other filters for smooth rows than for noise."""
+    smooth = np.add.outer(np.arange(61), 2 * np.arange(47)).astype(np.uint8)
+    rows = np.where(np.arange(61)[:, None] % 3 == 0, RANDOM.integers(0, 256, (61, 47)), smooth).astype(np.uint8)
+    image = Image.fromarray(np.stack([rows, rows[::-1], rows, rows[:, ::-1]], axis=2)).convert(mode)
+    saved = io.BytesIO()
+    image.save(saved, "PNG")
+    np.testing.assert_array_equal(leafcloud.decode_image(saved.getvalue()), np.asarray(image.convert("RGBA")))
+    with pytest.raises(LeafcloudError, match="cannot be decoded"):
+        leafcloud.decode_image(saved.getvalue()[:200])
+
+
+def test_a_small_file_that_claims_many_pixels_is_refused() -> None:
+    saved = io.BytesIO()
+    Image.new("RGBA", (1, 1)).save(saved, "PNG")
+    header = b"IHDR" + struct.pack(">II", 30_000, 30_000) + saved.getvalue()[24:29]
+    content = saved.getvalue()[:12] + header + struct.pack(">I", zlib.crc32(header)) + saved.getvalue()[33:]
+    with pytest.raises(LeafcloudError, match="cannot be decoded"):
+        leafcloud.decode_image(content)
 
 
 # Transitions

@@ -1117,6 +1117,12 @@ def encode_png(
 
     The same frames give the same bytes."""
 
+def decode_image(content: bytes) -> NDArray[np.uint8]:
+    """Return the pixels (h, w, 4) of an image file, such as a PNG or a JPEG, with the top row first.
+
+    Without an alpha channel, alpha is 255. Raises `LeafcloudError` for a file that is no image or broken, or that has
+    more than 16,384 pixels on a side."""
+
 def compress_rows(rows: NDArray[np.uint8]) -> bytes:
     """Return the bytes of vertices (v, stride) as a stream of glTF's ``EXT_meshopt_compression``, mode ATTRIBUTES.
 

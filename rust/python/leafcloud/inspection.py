@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import FRAGMENTS_PER_TRIANGLE, LeafcloudError, drawing_cost, flip_map, keep, read_gltf, render
+from . import FRAGMENTS_PER_TRIANGLE, LeafcloudError, decode_image, drawing_cost, flip_map, keep, read_gltf, render
 from ._coverage import kept_by_mips
 from ._glb import GlbFile, Picture, Unreadable
-from ._png import alpha_of_png
 
 SIZES = (256, 128, 64, 32)
 """Sides of the pictures in pixels, in which a file is compared with the leaves."""
@@ -335,7 +334,7 @@ def _mips(file: GlbFile, node: int) -> Iterator[Check]:
             continue
         image = file.items("images")[source]
         content = file.view(image["bufferView"]) if "bufferView" in image else b""
-        alpha = alpha_of_png(content) if content.startswith(b"\x89PNG\r\n\x1a\n") else None
+        alpha = _alpha(content)
         corners = file.values(primitive["attributes"][f"TEXCOORD_{reference.get('texCoord', 0)}"])
         if alpha is None or corners.dtype != np.float32 or "KHR_texture_transform" in reference.get("extensions", {}):
             continue
@@ -345,6 +344,14 @@ def _mips(file: GlbFile, node: int) -> Iterator[Check]:
             holds = all(_KEPT[0] <= share <= _KEPT[1] for share in kept)
             figure = ", ".join(f"{share:.2f}" for share in kept)
             yield Check(f"{_name(file, node)}: two plain mip levels of the PNG keep the coverage", holds, figure)
+
+
+def _alpha(content: bytes) -> NDArray[np.float64] | None:
+    """Return alpha (h, w) in [0, 1] of an image file; None for a broken one, or one without mip levels by an engine."""
+    try:
+        return decode_image(content)[..., 3] / 255.0
+    except LeafcloudError:
+        return None
 
 
 def _kept_share(extras: dict[str, Any]) -> float:

@@ -66,6 +66,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tools::leaf_scale, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::flip_map, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::encode_png, module)?)?;
+    module.add_function(wrap_pyfunction!(pictures::decode_image, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::draw_text, module)?)?;
     module.add_function(wrap_pyfunction!(compression::compress_rows, module)?)?;
     module.add_function(wrap_pyfunction!(compression::decompress_rows, module)?)?;

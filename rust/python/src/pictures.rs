@@ -1,9 +1,10 @@
-//! Functions for pictures: FLIP of each pixel, PNG files in memory, text.
+//! Functions for pictures: FLIP of each pixel, image files in memory, text.
 
 use leafcloud::textures::animation::encode_png as core_encode_png;
+use leafcloud::textures::image::decode;
 use leafcloud_curve::text_picture;
 use leafcloud_flip::flip_map as core_flip_map;
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
@@ -45,6 +46,13 @@ pub fn encode_png<'py>(
     let colors = colors.map(|v| read(v, "colors", "a whole number from 2 to 256")).transpose()?;
     let file = interruptible(py, move |_| core_encode_png(&frames, &milliseconds, colors))?;
     Ok(PyBytes::new(py, &file))
+}
+
+#[pyfunction]
+pub fn decode_image<'py>(py: Python<'py>, content: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let content: Vec<u8> = read(content, "content", "the bytes of an image file")?;
+    let image = interruptible(py, move |_| decode(&content))?;
+    arrays::image_array(py, &image)
 }
 
 #[pyfunction]

@@ -9,13 +9,14 @@ use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use leafcloud::atlas::{Atlas, AtlasSettings};
+use leafcloud::error::Result;
 use leafcloud::fit::fit;
-use leafcloud::foliage::{Foliage, Opacity};
+use leafcloud::foliage::{Foliage, Image, Opacity};
 use leafcloud::groups::Groups;
 use leafcloud::lod::{ChainSettings, settled_fit};
 use leafcloud::metrics::{Reference, Views};
 use leafcloud::outlines::outlines;
-use leafcloud::textures::{Channels, Drawn, EnginePage, Page, PagePart, Samples, Sight, bake, mips, recut};
+use leafcloud::textures::{Channels, Drawn, EnginePage, Page, PagePart, Pictured, Samples, Sight, bake, mips, recut};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
 
@@ -74,14 +75,25 @@ impl Level {
     }
 }
 
+/// Pictures that correct nothing, so that the area is measured alone.
+struct AsLeaves;
+
+impl Pictured for AsLeaves {
+    fn sight(&self, _: usize, _: Image, _: f32) -> Result<Sight> {
+        Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
+    }
+
+    fn refined(&self, _: usize, image: Image, _: f32) -> Result<Image> {
+        Ok(image)
+    }
+}
+
 /// Returns, for each mip level, the area above the cutoff over that of level 0: of box-filtered mip levels, of box-filtered mip levels of
 /// the page for engines, and of the mip levels in KTX2.
 fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
     let parts = [PagePart::of(atlas, CUTOFF, 0)];
-    // Nothing is corrected by pictures: the area is measured alone.
-    let as_leaves = |_, _, _| Ok(Sight { coverage: 1.0, tone: Vec3::ONE });
     let EnginePage { image: engine, cutoffs } =
-        EnginePage::new(&page.base_color, &parts, 0, as_leaves).expect("no picture is drawn");
+        EnginePage::new(&page.base_color, &parts, 0, &AsLeaves).expect("no picture is drawn");
     let at = [PagePart { alpha_cutoff: cutoffs[0], ..parts[0].clone() }];
     let whole = mips::area(&page.base_color, CUTOFF);
     let areas = |levels: mips::Levels, cutoff: f32| -> Vec<f64> {

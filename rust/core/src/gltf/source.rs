@@ -1,22 +1,15 @@
 //! Files of a glTF document: its buffers and images, read only from allowed locations.
 //!
 //! A document may come from anyone. Its files are read only from its own folder or below (no absolute path, no `..`, no other scheme).
-//! Images larger than [`LARGEST_IMAGE`] are not decoded.
+//! Images larger than 16,384 pixels on a side are not decoded ([`decode`]).
 
 use std::collections::HashMap;
-use std::io::Cursor;
 use std::path::{Component, Path, PathBuf};
 
 use base64::Engine;
-use image::{ImageReader, Limits};
 
 use crate::foliage::Image;
-
-/// Greatest width and height of an image, in pixels.
-const LARGEST_IMAGE: u32 = 16_384;
-
-/// Memory limit for decoding one image: twice the largest image with four 8-bit channels.
-const DECODING_BYTES: u64 = 2 << 30;
+use crate::textures::image::decode;
 
 /// Limit of pixels of all images together.
 const MOST_PIXELS: usize = 1 << 30;
@@ -77,7 +70,7 @@ impl Source {
             gltf::image::Source::View { view, .. } => self.view(&view)?.to_vec(),
             gltf::image::Source::Uri { uri, .. } => self.read(uri)?,
         };
-        let decoded = decode(encoded).map_err(|reason| format!("image {}: {reason}", image.index()))?;
+        let decoded = decode(&encoded).map_err(|reason| format!("image {}: {reason}", image.index()))?;
         self.images.insert(image.index(), decoded.clone());
         let pixels: usize = self.images.values().map(|image| image.pixels().len()).sum();
         if pixels > MOST_PIXELS {
@@ -134,16 +127,4 @@ pub fn read_file(path: &Path) -> Result<Vec<u8>, String> {
         return Err("it is not a regular file".to_owned());
     }
     std::fs::read(path).map_err(|e| e.to_string())
-}
-
-fn decode(encoded: Vec<u8>) -> Result<Image, String> {
-    let mut reader = ImageReader::new(Cursor::new(encoded)).with_guessed_format().map_err(|e| e.to_string())?;
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(LARGEST_IMAGE);
-    limits.max_image_height = Some(LARGEST_IMAGE);
-    limits.max_alloc = Some(DECODING_BYTES);
-    reader.limits(limits);
-    let pixels = reader.decode().map_err(|e| e.to_string())?.into_rgba8();
-    let (width, height) = (pixels.width() as usize, pixels.height() as usize);
-    Image::new(width, height, pixels.into_raw().as_chunks::<4>().0.to_vec()).map_err(|e| e.to_string())
 }

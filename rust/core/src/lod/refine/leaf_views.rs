@@ -36,7 +36,7 @@ pub fn drawn(leaves: &Foliage, views: Vec<View>) -> Result<Vec<LeafView>> {
 impl LeafViews {
     pub fn of(drawn: Vec<LeafView>) -> Self {
         let (views, pictures): (Vec<View>, Vec<Image>) = drawn.into_iter().unzip();
-        Self { views, leaves: pictures.into_iter().map(|picture| halves(picture).into()).collect() }
+        Self { views, leaves: pictures.iter().map(|picture| halves(picture).into()).collect() }
     }
 
     /// Returns the sides of the pictures in pixels, the largest first.
@@ -58,7 +58,7 @@ impl LeafViews {
 
     /// Returns the errors of a level, with factors on its colors.
     pub fn errors(&self, level: &Foliage, tone: Vec3) -> Result<Errors> {
-        let of_view = |view: &View| render(&[level], view).map(halves);
+        let of_view = |view: &View| Ok(halves(&render(&[level], view)?));
         let level = self.views.par_iter().map(of_view).collect::<Result<Vec<_>>>()?;
         let of_size = |(number, size): (usize, usize)| {
             let pairs = self.leaves.par_iter().zip(&level);
@@ -69,8 +69,8 @@ impl LeafViews {
     }
 }
 
-fn halves(image: Image) -> Vec<Image> {
-    mips::means(&image).into_iter().take_while(|half| half.width() >= SMALLEST).collect()
+fn halves(image: &Image) -> Vec<Image> {
+    mips::means(image).into_iter().take_while(|half| half.width() >= SMALLEST).collect()
 }
 
 /// Returns the sum of absolute differences over the number of pixels that show the leaves.

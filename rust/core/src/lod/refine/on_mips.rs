@@ -149,8 +149,8 @@ impl OnMips<'_> {
         grid.0.pixels.par_iter_mut().enumerate().for_each(|(texel, value)| {
             let at = |(number, moves): (usize, &Moves)| {
                 // A level without the last column or row of the level before has no texel there.
-                let column = (texel % width >> number).min(moves.width - 1);
-                let row = (texel / width >> number).min(moves.texels.len() / moves.width - 1);
+                let column = ((texel % width) >> number).min(moves.width - 1);
+                let row = ((texel / width) >> number).min(moves.texels.len() / moves.width - 1);
                 moves.texels[row * moves.width + column]
             };
             let all: Vec4 = moves.iter().enumerate().map(at).sum();
