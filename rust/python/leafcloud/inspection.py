@@ -28,6 +28,9 @@ _KEPT = 0.5, 1.5
 """Least and most share of a texture's coverage that the first two mip levels keep: to four times the distance at which
 the level takes over."""
 
+_MOST_TEXELS = 2**24
+"""Most texels of a picture that is decoded."""
+
 _MOST_PAIRS = 2**22
 """Most pairs of a point and a plane that are compared at once."""
 
@@ -334,7 +337,8 @@ def _mips(file: GlbFile, node: int) -> Iterator[Check]:
             continue
         image = file.items("images")[source]
         content = file.view(image["bufferView"]) if "bufferView" in image else b""
-        alpha = _alpha(content)
+        picture = file.picture(source)
+        alpha = _alpha(content) if 0 < picture.width * picture.height <= _MOST_TEXELS else None
         corners = file.values(primitive["attributes"][f"TEXCOORD_{reference.get('texCoord', 0)}"])
         if alpha is None or corners.dtype != np.float32 or "KHR_texture_transform" in reference.get("extensions", {}):
             continue
@@ -347,11 +351,12 @@ def _mips(file: GlbFile, node: int) -> Iterator[Check]:
 
 
 def _alpha(content: bytes) -> NDArray[np.float64] | None:
-    """Return alpha (h, w) in [0, 1] of an image file; None for a broken one, or one without mip levels by an engine."""
+    """Return alpha (h, w) in [0, 1] of an image file; None for an opaque or a broken one, and for other formats."""
     try:
-        return decode_image(content)[..., 3] / 255.0
+        alpha = decode_image(content)[..., 3]
     except LeafcloudError:
         return None
+    return alpha / 255.0 if alpha.min() < 255 else None
 
 
 def _kept_share(extras: dict[str, Any]) -> float:

@@ -63,7 +63,7 @@ pub trait Pictured {
     /// No billboard has an area.
     fn sight(&self, part: usize, image: Image, cutoff: f32) -> Result<Sight>;
 
-    /// Returns the image of a part, refined by pictures if they are there.
+    /// Returns the image of a part, refined by pictures of the leaves; unchanged without such pictures.
     ///
     /// # Errors
     /// No billboard has an area.
@@ -87,7 +87,7 @@ impl EnginePage {
             let (image, cutoff) = corrected(&keeping, area, |kept| {
                 let levels: Vec<LightGrid> = LightGrid::of(&kept.image).levels(first_seen + PICTURED).collect();
                 let shown = levels.iter().skip(first_seen.min(levels.len() - 1));
-                shown.map(|level| pictured.sight(number, level.image(|_, texel| texel.w), kept.cutoff)).collect()
+                shown.map(|level| pictured.sight(number, level.to_image(), kept.cutoff)).collect()
             })?;
             Ok((pictured.refined(number, image, cutoff)?, cutoff))
         };

@@ -1,5 +1,4 @@
-//! Texels in straight linear light with alpha, as a renderer filters the texture of a PNG file: neither its filters nor its mip levels know
-//! that transparent texels do not count.
+//! Texels in linear light with alpha. Colors are not weighted by alpha, as in engines that filter the texture of a PNG file.
 
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
@@ -34,7 +33,12 @@ impl LightGrid {
         Image::new(self.0.width, self.0.height, pixels).expect("as many texels as before")
     }
 
-    /// Returns this level and its mip levels, `most` in all, down to one texel.
+    /// Returns the image.
+    pub fn to_image(&self) -> Image {
+        self.image(|_, texel| texel.w)
+    }
+
+    /// Returns this level and its box-filtered mip levels, `most` in all, down to one texel.
     pub fn levels(self, most: usize) -> impl Iterator<Item = Self> {
         let next = |level: &Self| (level.0.width.max(level.0.height) > 1).then(|| Self(halved(&level.0)));
         std::iter::successors(Some(self), next).take(most)

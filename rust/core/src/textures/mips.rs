@@ -130,7 +130,8 @@ fn cleared(image: Image, texels: &[usize]) -> Image {
     image.with_alpha(alpha)
 }
 
-/// Returns box-filtered mip levels of base color, as engines make them: means of alpha, and of color weighted by alpha.
+/// Returns box-filtered mip levels of base color: means of alpha, and of color weighted by alpha. Engines that filter a PNG do not weight colors
+/// (`LightGrid::levels`).
 #[must_use]
 pub fn means(image: &Image) -> Levels {
     let mut means = Canvas::of_color(image);

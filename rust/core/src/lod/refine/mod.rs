@@ -153,13 +153,13 @@ pub struct RefinedPage {
     pub page: Page,
     /// Its alpha cutoff.
     pub cutoff: f32,
-    /// What changed.
+    /// Errors relative to those before.
     pub refined: Refined,
     /// Pictures of the leaves that were drawn for it.
     pub pictures: LeafPictures,
 }
 
-/// What a refinement has changed.
+/// The gain of a refinement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Refined {
     /// Sides of the test pictures in pixels, with the error relative to that before the refinement.

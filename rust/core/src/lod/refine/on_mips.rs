@@ -5,9 +5,10 @@
 //! ([`super`]). A texel of the image moves by the steps of all texels that contain it: the mean of a block answers to the pictures of a coarse
 //! level, its details to those of finer ones.
 //!
-//! The leaves are not drawn again: pictures of the refinement before serve, at a half, a quarter and an eighth of their size, too. Test views
+//! The leaves are not drawn again: the kept pictures of the refinement serve, and their halves for coarser levels. Test views
 //! decide: the image counts only if it is better in them on the whole and worse on no mip level. Sums have a fixed order. O(steps · levels · views ·
-//! (pixels + fragments)). Known limit: no texel gets alpha that has none.
+//! (pixels + fragments)) plus O(texels) a step, for each part of a shared page. Known limits: no texel gets alpha that has none; mip levels with texels
+//! finer than the pixels of all pictures get no credits of their own; coverage follows from the pictures and may change by some per cent.
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -22,7 +23,7 @@ use crate::error::Result;
 use crate::foliage::{AlphaMode, Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::lod::billboards::billboards;
-use crate::metrics::{PICTURE_RADIUS, View};
+use crate::metrics::View;
 use crate::textures::LightGrid;
 
 /// Pictures of the leaves that a refinement has drawn.
@@ -45,52 +46,59 @@ pub struct OnMips<'a> {
     pub pictures: &'a LeafPictures,
 }
 
-/// Number of steps, and after how many steps test views look at the image.
+/// Number of steps; test views look at the image after each.
 const STEPS: usize = 8;
-const TESTED: usize = 2;
+
+/// Most texels of an image: larger ones stay, because a step takes some 90 bytes for each.
+const MOST_TEXELS: usize = 1 << 22;
 
 /// Views of a step times the side of the pictures: smaller pictures show fewer texels, so more of them are drawn.
 const VIEWS_BY_SIZE: usize = 640;
 const LEAST_VIEWS: usize = 3;
 
-/// Points along a pixel's side at which the billboards are looked at. Only two lowered the error much less for one.
+/// Points along a pixel's side at which the billboards are looked at.
 const POINTS: usize = 2;
 
 /// Share of the cutoff by which the lower and the higher cutoff of a step differ from it.
 const BAND: f32 = 0.4;
 
-/// Share of the way to the color that the leaves have, for the mean over the mip levels.
+/// Factor on the mean of the color steps of all mip levels. Above 1, because each level has a step of its own.
 const COLOR: f32 = 2.0;
 
 /// Greatest change of alpha on each mip level, relative to alpha and half the cutoff.
 const ALPHA: f32 = 0.2;
 
-/// Weight of staying as it is, beside the credits of a texel.
+/// Weight of no step in the mean of a texel's credits.
 const PRIOR: f32 = 2.0;
 
 /// Least alpha of a texel that has any, so that it can come back.
 const LEAST_ALPHA: f32 = 0.25 / 255.0;
 
-/// A mip level, with the step of each texel: of its color, and the direction of its alpha, from -1 to 1.
+/// The step of each texel of a mip level: of its color, and the direction of its alpha, from -1 to 1.
 struct Moves {
+    /// Number of the mip level.
+    mip: usize,
     width: usize,
     texels: Vec<Vec4>,
 }
 
 /// Pictures of the leaves for one mip level.
 struct Seen {
+    /// Number of the mip level.
+    mip: usize,
     steps: Vec<(View, Target)>,
     tests: LeafViews,
 }
 
 impl OnMips<'_> {
-    /// Returns the image after refinement; unchanged if it did not become better, or if its texels are larger than the pixels of all pictures.
+    /// Returns the image after refinement; unchanged if it did not become better, if it has more than [`MOST_TEXELS`], or if its texels are larger
+    /// than the pixels of all pictures.
     ///
     /// # Errors
     /// No billboard has an area.
     pub fn refined(&self, image: Image) -> Result<Image> {
         let seen = self.seen(&image);
-        if seen.is_empty() {
+        if seen.is_empty() || image.pixels().len() > MOST_TEXELS {
             return Ok(image);
         }
         let mut grid = LightGrid::of(&image);
@@ -98,40 +106,38 @@ impl OnMips<'_> {
         let mut best = (image, Gain::none(&first));
         for step in 0..STEPS {
             self.move_texels(&mut grid, &seen, step)?;
-            if (step + 1) % TESTED == 0 {
-                let image = grid.image(|_, texel| texel.w);
-                let gain = Gain::over(&first, &self.errors(&image, &seen)?);
-                if gain.is_better_than(&best.1) {
-                    best = (image, gain);
-                }
+            let image = grid.to_image();
+            let gain = Gain::over(&first, &self.errors(&image, &seen)?);
+            if gain.is_better_than(&best.1) {
+                best = (image, gain);
             }
         }
         Ok(best.0)
     }
 
-    /// Returns the pictures for each mip level: those in which its texels are nearest to a pixel, for the first one, and their halves.
+    /// Returns for each mip level the pictures in which its texels are nearest to a pixel, if there are any.
     fn seen(&self, image: &Image) -> Vec<Seen> {
+        let LeafPictures { steps, tests } = self.pictures;
+        let Some((view, _)) = steps.pictures().next() else { return Vec::new() };
         let texel = self.atlas.texel() * self.frame.radius * self.atlas.size.width as f64 / image.width() as f64;
-        let wanted = 2.0 * PICTURE_RADIUS * self.frame.radius / texel;
-        let sizes = self.pictures.tests.sizes();
-        let of_size = |size: usize| {
-            let steps = self.pictures.steps.of_size(size);
-            let steps = steps.pictures().map(|(view, image)| (*view, Target::of(image))).collect();
-            Seen { steps, tests: self.pictures.tests.of_size(size) }
+        // Halvings of the pictures for mip level 0; below 0 for texels that are finer than their pixels.
+        let halvings = libm::log2(view.size as f64 * texel / (2.0 * view.radius)).round() as isize;
+        let of_mip = |mip: u32| {
+            let size = *tests.sizes().get(usize::try_from(halvings + mip as isize).ok()?)?;
+            let own = steps.of_size(size);
+            let own = own.pictures().map(|(view, image)| (*view, Target::of(image))).collect();
+            Some(Seen { mip: mip as usize, steps: own, tests: tests.of_size(size) })
         };
-        // Half an octave: the next smaller size is nearer.
-        let near = sizes.iter().skip_while(|&&size| size as f64 > std::f64::consts::SQRT_2 * wanted);
-        near.map(|&size| of_size(size)).collect()
+        let last = image.width().max(image.height()).ilog2();
+        (0..=last).filter_map(of_mip).collect()
     }
 
     /// Returns the error on each mip level in the test views.
     fn errors(&self, image: &Image, seen: &[Seen]) -> Result<Errors> {
-        let levels = LightGrid::of(image).levels(seen.len()).zip(seen);
         let error = |(level, seen): (LightGrid, &Seen)| {
-            let shown = self.shown(level.image(|_, texel| texel.w), self.cutoff)?;
-            Ok(seen.tests.errors(&shown, Vec3::ONE)?[0])
+            Ok(seen.tests.errors(&self.shown(level.to_image(), self.cutoff)?, Vec3::ONE)?[0])
         };
-        levels.map(error).collect()
+        with_levels(LightGrid::of(image), seen).map(error).collect()
     }
 
     fn shown(&self, image: Image, cutoff: f32) -> Result<Foliage> {
@@ -141,19 +147,19 @@ impl OnMips<'_> {
 
     /// Moves the texels of the image, less with each step, so that they come to rest although each step has other views.
     fn move_texels(&self, grid: &mut LightGrid, seen: &[Seen], step: usize) -> Result<()> {
-        let levels = grid.clone().levels(seen.len()).zip(seen);
-        let moves: Vec<Moves> = levels.map(|(level, seen)| self.moves(&level, seen, step)).collect::<Result<_>>()?;
+        let moves = with_levels(grid.clone(), seen).map(|(level, seen)| self.moves(&level, seen, step));
+        let moves: Vec<Moves> = moves.collect::<Result<_>>()?;
         let slower = 1.0 / (1.0 + 0.25 * step as f32);
         let color = slower * COLOR / moves.len() as f32;
         let (alpha, width) = (slower * ALPHA, grid.0.width);
         grid.0.pixels.par_iter_mut().enumerate().for_each(|(texel, value)| {
-            let at = |(number, moves): (usize, &Moves)| {
-                // A level without the last column or row of the level before has no texel there.
-                let column = ((texel % width) >> number).min(moves.width - 1);
-                let row = ((texel / width) >> number).min(moves.texels.len() / moves.width - 1);
+            let at = |moves: &Moves| {
+                // Texels beyond the last column or row of an odd side take its step.
+                let column = ((texel % width) >> moves.mip).min(moves.width - 1);
+                let row = ((texel / width) >> moves.mip).min(moves.texels.len() / moves.width - 1);
                 moves.texels[row * moves.width + column]
             };
-            let all: Vec4 = moves.iter().enumerate().map(at).sum();
+            let all: Vec4 = moves.iter().map(at).sum();
             let rgb = (value.truncate() + color * all.truncate()).clamp(Vec3::ZERO, Vec3::ONE);
             let moved = value.w + alpha * all.w * (value.w + 0.5 * self.cutoff);
             // A texel without alpha stays so: gutters, and places far from all leaves.
@@ -164,19 +170,26 @@ impl OnMips<'_> {
 
     /// Returns the step of one mip level. Views take turns.
     fn moves(&self, level: &LightGrid, seen: &Seen, step: usize) -> Result<Moves> {
-        let image = level.image(|_, texel| texel.w);
+        let image = level.to_image();
         let at = |share: f32| self.shown(image.clone(), share * self.cutoff);
         let drawn = Drawn { here: at(1.0)?, denser: at(1.0 - BAND)?, sparser: at(1.0 + BAND)? };
         let size = seen.steps[0].0.size;
         let count = (VIEWS_BY_SIZE / size).max(LEAST_VIEWS).min(seen.steps.len());
         let turn = (0..count).into_par_iter().map(|number| &seen.steps[(step * count + number) % seen.steps.len()]);
         let each = turn.map(|(view, target)| drawn.credits(level, target, view, POINTS));
-        Ok(Moves::of(level, &Credits::joined(each.collect::<Result<_>>()?)))
+        Ok(Moves::of(seen.mip, level, &Credits::joined(each.collect::<Result<_>>()?)))
     }
 }
 
+/// Returns each mip level of an image that has pictures, with these.
+fn with_levels(grid: LightGrid, seen: &[Seen]) -> impl Iterator<Item = (LightGrid, &Seen)> {
+    let of_mip = |(mip, level): (usize, LightGrid)| seen.iter().find(|seen| seen.mip == mip).map(|seen| (level, seen));
+    let count = seen.last().map_or(0, |seen| seen.mip + 1);
+    grid.levels(count).enumerate().filter_map(of_mip)
+}
+
 impl Moves {
-    fn of(level: &LightGrid, credits: &Credits) -> Self {
+    fn of(mip: usize, level: &LightGrid, credits: &Credits) -> Self {
         let mut colors = vec![Vec4::ZERO; level.0.pixels.len()];
         let mut alpha = vec![Vec2::ZERO; level.0.pixels.len()];
         credits.colors.iter().for_each(|credit| colors[credit.texel as usize] += credit.value);
@@ -186,6 +199,6 @@ impl Moves {
             let mean = alpha.x / (alpha.y + PRIOR);
             (color.truncate() / (color.w + PRIOR)).extend(mean / (mean.abs() + usual))
         };
-        Self { width: level.0.width, texels: colors.par_iter().zip(&alpha).map(step).collect() }
+        Self { mip, width: level.0.width, texels: colors.par_iter().zip(&alpha).map(step).collect() }
     }
 }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::credit::{Credit, Credits};
 use super::picture::box_sums;
 use crate::atlas::{Atlas, Region};
+use crate::color::quantise;
 use crate::foliage::Image;
 use crate::groups::Groups;
 use crate::textures::{LightGrid, light};
@@ -104,9 +105,11 @@ impl Texels {
         &self.grid
     }
 
-    /// Returns an image with widened edges.
+    /// Returns an image of alpha alone, with widened edges.
     pub fn widened(&self) -> Image {
-        self.grid.image(|_, texel| texel.w)
+        let code = |texel: &Vec4| [0, 0, 0, quantise(texel.w)];
+        let pixels: Vec<[u8; 4]> = self.grid.0.pixels.par_iter().map(code).collect();
+        Image::new(self.grid.0.width, self.grid.0.height, pixels).expect("as many texels as before")
     }
 
     /// Returns the page's image, with edges as steep as they were at the start.
