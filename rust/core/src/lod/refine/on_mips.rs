@@ -123,7 +123,7 @@ impl OnMips<'_> {
         // Halvings of the pictures for mip level 0; below 0 for texels that are finer than their pixels.
         let halvings = libm::log2(view.size as f64 * texel / (2.0 * view.radius)).round() as isize;
         let of_mip = |mip: u32| {
-            let size = *tests.sizes().get(usize::try_from(halvings + mip as isize).ok()?)?;
+            let size = *tests.sizes().get(usize::try_from(halvings.saturating_add(mip as isize)).ok()?)?;
             let own = steps.of_size(size);
             let own = own.pictures().map(|(view, image)| (*view, Target::of(image))).collect();
             Some(Seen { mip: mip as usize, steps: own, tests: tests.of_size(size) })
