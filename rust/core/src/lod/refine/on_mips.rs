@@ -17,7 +17,7 @@ use super::credit::{Credits, Drawn};
 use super::gain::{Errors, Gain};
 use super::leaf_views::LeafViews;
 use super::picture::Target;
-use super::texels::mean_credit;
+use super::texels::{PRIOR, direction, mean_credit, slower};
 use crate::atlas::Atlas;
 use crate::error::Result;
 use crate::foliage::{AlphaMode, Foliage, Image, Material};
@@ -67,9 +67,6 @@ const COLOR: f32 = 2.0;
 
 /// Greatest change of alpha on each mip level, relative to alpha and half the cutoff.
 const ALPHA: f32 = 0.2;
-
-/// Weight of no step in the mean of a texel's credits.
-const PRIOR: f32 = 2.0;
 
 /// Least alpha of a texel that has any, so that it can come back.
 const LEAST_ALPHA: f32 = 0.25 / 255.0;
@@ -149,7 +146,7 @@ impl OnMips<'_> {
     fn move_texels(&self, grid: &mut LightGrid, seen: &[Seen], step: usize) -> Result<()> {
         let moves = with_levels(grid.clone(), seen).map(|(level, seen)| self.moves(&level, seen, step));
         let moves: Vec<Moves> = moves.collect::<Result<_>>()?;
-        let slower = 1.0 / (1.0 + 0.25 * step as f32);
+        let slower = slower(step);
         let color = slower * COLOR / moves.len() as f32;
         let (alpha, width) = (slower * ALPHA, grid.0.width);
         grid.0.pixels.par_iter_mut().enumerate().for_each(|(texel, value)| {
@@ -194,11 +191,9 @@ impl Moves {
         let mut alpha = vec![Vec2::ZERO; level.0.pixels.len()];
         credits.colors.iter().for_each(|credit| colors[credit.texel as usize] += credit.value);
         credits.alpha.iter().for_each(|credit| alpha[credit.texel as usize] += credit.value);
-        let usual = mean_credit(&credits.alpha).max(f32::MIN_POSITIVE);
-        let step = |(color, alpha): (&Vec4, &Vec2)| {
-            let mean = alpha.x / (alpha.y + PRIOR);
-            (color.truncate() / (color.w + PRIOR)).extend(mean / (mean.abs() + usual))
-        };
+        let usual = mean_credit(&credits.alpha);
+        let step =
+            |(color, alpha): (&Vec4, &Vec2)| (color.truncate() / (color.w + PRIOR)).extend(direction(*alpha, usual));
         Self { mip, width: level.0.width, texels: colors.par_iter().zip(&alpha).map(step).collect() }
     }
 }

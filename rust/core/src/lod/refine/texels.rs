@@ -34,10 +34,15 @@ pub struct Rates {
     edges: f32,
 }
 
+/// Returns a factor that falls with the steps, so that they come to rest although each has other views.
+pub fn slower(step: usize) -> f32 {
+    1.0 / (1.0 + 0.25 * step as f32)
+}
+
 impl Rates {
-    /// Returns rates that fall with the steps, so that the steps come to rest although each has other views.
+    /// Returns the rates of a step.
     pub fn of_step(step: usize) -> Self {
-        let slower = 1.0 / (1.0 + 0.25 * step as f32);
+        let slower = slower(step);
         Self { color: 0.8 * slower, edges: 0.06 * slower }
     }
 }
@@ -46,7 +51,7 @@ impl Rates {
 const REACH: usize = 2;
 
 /// Weight of staying as it is, beside the credits around a texel.
-const PRIOR: f32 = 2.0;
+pub const PRIOR: f32 = 2.0;
 
 /// Greatest factor on a color, and the light that it may always gain.
 const FARTHEST: f32 = 2.5;
@@ -147,8 +152,7 @@ impl Texels {
         let step = color.truncate() / (color.w + PRIOR) * rates.color;
         let brightest = (start * FARTHEST + FAINT).min(Vec3::ONE);
         let rgb = (self.grid.0.pixels[texel].truncate() + step).clamp((start / FARTHEST).min(brightest), brightest);
-        let mean = alpha.x / (alpha.y + PRIOR);
-        rgb.extend(mean / (mean.abs() + usual).max(f32::MIN_POSITIVE))
+        rgb.extend(direction(alpha, usual))
     }
 
     /// Returns the change of alpha at which a share of the drawn texels appear or vanish, at most [`MOST`]: leaves on cards have much more
@@ -195,6 +199,12 @@ fn owners(fields: &[Field], texels: usize) -> Vec<u32> {
         field.texels().for_each(|texel| owners[texel] = number as u32);
     }
     owners
+}
+
+/// Returns the direction of alpha, from -1 to 1, for the sum of a texel's credits with their weight. `usual`: the mean absolute credit.
+pub fn direction(alpha: Vec2, usual: f32) -> f32 {
+    let mean = alpha.x / (alpha.y + PRIOR);
+    mean / (mean.abs() + usual).max(f32::MIN_POSITIVE)
 }
 
 /// Returns the mean absolute credit.
