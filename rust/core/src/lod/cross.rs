@@ -8,6 +8,7 @@ use std::time::Instant;
 use glam::{DVec2, DVec3};
 
 use super::billboards::{billboard_ranks, billboards};
+use super::leaf_pictures;
 use super::level::{Level, Seconds, tightened};
 use super::references::References;
 use super::settings::ChainSettings;
@@ -97,7 +98,7 @@ pub(super) fn build(
         coverage,
         pictures,
         amounts: Arc::clone(&references.tuning),
-        refine_by: None,
+        refine_by: leaf_pictures(parts, &frame, settings, ENGINE_PICTURES)?,
         sharers: Arc::default(),
         part: 0,
         atlas,
@@ -114,6 +115,9 @@ pub(super) fn build(
     };
     Ok((level, references))
 }
+
+/// Side of the pictures that refine the page for engines, in pixels: about the size at which the cross impostor takes over.
+const ENGINE_PICTURES: usize = 64;
 
 /// Least number of texels along a pixel where the cross impostor takes over.
 const TEXELS_PER_PIXEL: f64 = 2.0;

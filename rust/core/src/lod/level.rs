@@ -93,7 +93,7 @@ pub struct Level {
     pub channel_seconds: ChannelSeconds,
     /// Renderings of the leaves for coverage and mean color.
     pub(super) amounts: Arc<Reference>,
-    /// Pictures that refine its page for engines; `None` without a refinement.
+    /// Pictures that refine its page for engines; `None` if it is not refined.
     pub(super) refine_by: Option<Arc<LeafPictures>>,
     /// All trees on a shared page, this one at the place `part`; empty for a page of one tree.
     pub(super) sharers: Arc<[Sharer]>,
@@ -127,6 +127,8 @@ pub(super) struct Step<'a> {
     pub sky: Option<&'a Sky>,
     /// Metrics renderers for the leaves.
     pub references: &'a References,
+    /// Pictures that refine pages for engines.
+    pub leaf_pictures: Option<&'a Arc<LeafPictures>>,
 }
 
 /// Greatest size of a texel in pixels, where a level takes over. Leaves are only some pixels large there, and texels of a pixel would blur
@@ -276,7 +278,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         coverage,
         pictures,
         amounts: Arc::clone(&step.references.tuning),
-        refine_by: None,
+        refine_by: step.leaf_pictures.cloned(),
         cloud: Some(cloud),
         projection: Some(projection),
         sharers: Arc::default(),

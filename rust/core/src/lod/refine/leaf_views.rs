@@ -5,15 +5,17 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::gain::Errors;
 use super::picture::over_gray;
+use super::{TEST_TURN, TEST_VIEWS, turn_of};
 use crate::error::Result;
 use crate::foliage::{Foliage, Image};
-use crate::metrics::{View, render};
-use crate::textures::{light, mips};
+use crate::geometry::Frame;
+use crate::metrics::{View, Views, render};
+use crate::textures::{Samples, light, mips};
 
 /// Side of the smallest pictures, in pixels.
 const SMALLEST: usize = 32;
@@ -28,9 +30,40 @@ pub struct LeafViews {
     leaves: Vec<Arc<[Image]>>,
 }
 
+/// Pictures of a tree by which its pages for engines are refined.
+#[derive(Clone, Debug)]
+pub struct LeafPictures {
+    /// In the views of the steps.
+    pub steps: LeafViews,
+    /// In test views.
+    pub tests: LeafViews,
+}
+
+/// Number of turns of the views of the steps, and of views of each turn.
+const TURNS: (usize, usize) = (6, 4);
+
+impl LeafPictures {
+    /// Draws leaves and trunk.
+    ///
+    /// # Errors
+    /// An `up` without a finite length above 0.
+    pub fn of(parts: &[&Foliage], around: &Frame, up: DVec3, size: usize) -> Result<Self> {
+        let of_turn = |step: usize| views(around, up, size, (TURNS.1, turn_of(step)));
+        let steps = (0..TURNS.0).map(of_turn).collect::<Result<Vec<_>>>()?.concat();
+        let tests = views(around, up, size, (TEST_VIEWS, TEST_TURN))?;
+        Ok(Self { steps: LeafViews::of(drawn(parts, steps)?), tests: LeafViews::of(drawn(parts, tests)?) })
+    }
+}
+
+/// Returns so many views of a turn.
+pub fn views(around: &Frame, up: DVec3, size: usize, (count, turn): (usize, f64)) -> Result<Vec<View>> {
+    let views = Views { count, size, samples: Samples::new(3)?.unfiltered(), up, turn };
+    Ok(views.around(around).collect())
+}
+
 /// Draws the leaves.
-pub fn drawn(leaves: &Foliage, views: Vec<View>) -> Result<Vec<LeafView>> {
-    views.into_par_iter().map(|view| Ok((view, render(&[leaves], &view)?))).collect()
+pub fn drawn(parts: &[&Foliage], views: Vec<View>) -> Result<Vec<LeafView>> {
+    views.into_par_iter().map(|view| Ok((view, render(parts, &view)?))).collect()
 }
 
 impl LeafViews {

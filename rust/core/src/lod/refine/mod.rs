@@ -40,7 +40,7 @@ use rayon::prelude::*;
 
 use self::credit::{Credits, Drawn};
 use self::gain::Gain;
-use self::leaf_views::{LeafView, LeafViews, drawn};
+use self::leaf_views::{LeafView, LeafViews, drawn, views};
 use self::picture::Target;
 pub(super) use self::planes::Arrangement;
 use self::texels::{Rates, Texels};
@@ -51,12 +51,13 @@ use crate::error::Result;
 use crate::fit::Named;
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
-use crate::metrics::{PICTURE_RADIUS, Reference, View, Views};
+use crate::metrics::{PICTURE_RADIUS, Reference};
 use crate::progress::Progress;
-use crate::textures::{Page, Samples};
+use crate::textures::Page;
 
+pub(super) use leaf_views::LeafPictures;
 pub(super) use of_level::refined;
-pub(super) use on_mips::{LeafPictures, OnMips};
+pub(super) use on_mips::OnMips;
 
 /// Effort of the refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -144,9 +145,6 @@ pub struct Subject<'a> {
     pub up: DVec3,
 }
 
-/// Most pictures of the leaves that are kept for pages for engines.
-const KEPT: usize = 24;
-
 /// A page after refinement.
 pub struct RefinedPage {
     /// Unchanged if nothing became better.
@@ -155,8 +153,6 @@ pub struct RefinedPage {
     pub cutoff: f32,
     /// Errors relative to those before.
     pub refined: Refined,
-    /// Pictures of the leaves that were drawn for it.
-    pub pictures: LeafPictures,
 }
 
 /// The gain of a refinement.
@@ -196,20 +192,19 @@ impl Subject<'_> {
     /// # Errors
     /// No billboard has an area; [`crate::Error::Cancelled`].
     pub fn refined(&self, page: &Page, cutoff: f32, effort: Refinement, progress: Progress) -> Result<RefinedPage> {
-        let Plan { rounds, steps, views } = effort.plan();
+        let Plan { rounds, steps, views: each } = effort.plan();
         progress.tell("refine", 0.0)?;
         let size = self.size();
-        let tests = LeafViews::of(drawn(self.leaves, self.views(TEST_VIEWS, size, TEST_TURN)?)?);
+        let views = |count, turn| views(self.leaves.frame(), self.up, size, (count, turn));
+        let tests = LeafViews::of(drawn(&[self.leaves], views(TEST_VIEWS, TEST_TURN)?)?);
         let first = tests.errors(&self.shown(page, cutoff)?, Vec3::ONE)?;
         let mut best = (page.clone(), cutoff, Gain::none(&first));
-        let mut kept = Vec::new();
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
             let stage = format!("refine (error {:.0} %)", 100.0 * best.2.mean());
             progress.tell(&stage, step as f64 / (rounds * steps) as f64)?;
-            let seen = drawn(self.leaves, self.views(views, size, turn_of(step))?)?;
+            let seen = drawn(&[self.leaves], views(each, turn_of(step))?)?;
             texels.move_by(&self.credits(page, &texels, cutoff, &seen)?, Rates::of_step(step));
-            kept.extend(seen);
             if (step + 1) % steps == 0 {
                 let (page, cutoff) = self.balanced(page, &mut texels, cutoff)?;
                 let gain = Gain::over(&first, &tests.errors(&self.shown(&page, cutoff)?, Vec3::ONE)?);
@@ -220,9 +215,7 @@ impl Subject<'_> {
         }
         progress.tell("refine", 1.0)?;
         let (page, cutoff, gain) = best;
-        let steps = LeafViews::of(kept.split_off(kept.len().saturating_sub(KEPT)));
-        let pictures = LeafPictures { steps, tests };
-        Ok(RefinedPage { page, cutoff, refined: Refined { errors: gain.errors }, pictures })
+        Ok(RefinedPage { page, cutoff, refined: Refined { errors: gain.errors } })
     }
 
     /// Returns a page with the texels and its cutoff, both with the coverage and the mean color of the leaves.
@@ -238,11 +231,6 @@ impl Subject<'_> {
     fn size(&self) -> usize {
         let pixels = 2.0 * PICTURE_RADIUS * self.leaves.frame().radius / (self.atlas.texel() * self.frame.radius);
         (pixels as usize).clamp(SIZES.0, SIZES.1) / 8 * 8
-    }
-
-    fn views(&self, count: usize, size: usize, turn: f64) -> Result<Vec<View>> {
-        let views = Views { count, size, samples: Samples::new(3)?.unfiltered(), up: self.up, turn };
-        Ok(views.around(self.leaves.frame()).collect())
     }
 
     fn shown(&self, page: &Page, cutoff: f32) -> Result<Foliage> {

@@ -1,6 +1,5 @@
 //! The refinement of a level's textures, and with them of its polygons and its figures.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use super::{BAND, RefinedPage, Refinement, Subject};
@@ -35,8 +34,8 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
         up: settings.up,
     };
     let made = subject.refined(&level.page, level.alpha_cutoff, settings.refine, progress)?;
-    let RefinedPage { page, cutoff: alpha_cutoff, refined, pictures } = made;
-    let mut level = Level { page, alpha_cutoff, refined: Some(refined), refine_by: Some(Arc::new(pictures)), ..level };
+    let RefinedPage { page, cutoff: alpha_cutoff, refined } = made;
+    let mut level = Level { page, alpha_cutoff, refined: Some(refined), ..level };
     level.atlas = tight(alpha_cutoff, &level);
     let shown = billboards(&level.atlas, &level.frame, level.page.material(alpha_cutoff, !level.two_sided))?;
     level.pictures = step.references.report.compare(&shown)?;

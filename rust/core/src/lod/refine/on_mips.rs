@@ -5,7 +5,7 @@
 //! ([`super`]). A texel of the image moves by the steps of all texels that contain it: the mean of a block answers to the pictures of a coarse
 //! level, its details to those of finer ones.
 //!
-//! The leaves are not drawn again: the kept pictures of the refinement serve, and their halves for coarser levels. Test views
+//! The leaves are drawn once for all levels of a chain: coarser levels are compared with halves of these pictures. Test views
 //! decide: the image counts only if it is better in them on the whole and worse on no mip level. Sums have a fixed order. O(steps · levels · views ·
 //! (pixels + fragments)) plus O(texels) a step, for each part of a shared page. Known limits: no texel gets alpha that has none; mip levels with texels
 //! finer than the pixels of all pictures get no credits of their own; coverage follows from the pictures and may change by some per cent.
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::credit::{Credits, Drawn};
 use super::gain::{Errors, Gain};
-use super::leaf_views::LeafViews;
+use super::leaf_views::{LeafPictures, LeafViews};
 use super::picture::Target;
 use super::texels::{PRIOR, direction, mean_credit, slower};
 use crate::atlas::Atlas;
@@ -25,15 +25,6 @@ use crate::geometry::Frame;
 use crate::lod::billboards::billboards;
 use crate::metrics::View;
 use crate::textures::LightGrid;
-
-/// Pictures of the leaves that a refinement has drawn.
-#[derive(Clone, Debug)]
-pub struct LeafPictures {
-    /// In the views of its steps.
-    pub steps: LeafViews,
-    /// In test views.
-    pub tests: LeafViews,
-}
 
 /// Billboards with a page for engines.
 pub struct OnMips<'a> {

@@ -19,7 +19,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::gain::{Errors, Gain};
-use super::leaf_views::{LeafViews, drawn};
+use super::leaf_views::{LeafViews, drawn, views};
 use super::pairs::Picture;
 use super::parts::{Parts, Places};
 use super::slabs::Slabs;
@@ -31,9 +31,8 @@ use crate::fit::ImageBound;
 use crate::foliage::{Foliage, Opacity};
 use crate::geometry::Plane;
 use crate::lod::tune::{self, TONES};
-use crate::metrics::{PICTURE_RADIUS, Reference, View, Views};
+use crate::metrics::{PICTURE_RADIUS, Reference, View};
 use crate::progress::Progress;
-use crate::textures::Samples;
 use crate::transition::{HAND_OVER, Projection};
 
 /// Input of a refinement of planes.
@@ -93,7 +92,7 @@ impl Arrangement<'_> {
         }
         progress.tell("refine", 0.0)?;
         let (stretch, projection) = tune::projection(self.finer, &cloud, self.amounts)?;
-        let tests = LeafViews::of(drawn(self.leaves, self.views(TEST_VIEWS, TEST_TURN)?)?);
+        let tests = LeafViews::of(drawn(&[self.leaves], self.views(TEST_VIEWS, TEST_TURN)?)?);
         let (first, tone) = self.errors(&tests, &projection)?;
         let (parts, mut places) = Parts::new(self.finer, &cloud, stretch, self.image);
         let bound = cloud.bound;
@@ -127,8 +126,7 @@ impl Arrangement<'_> {
     fn views(&self, count: usize, turn: f64) -> Result<Vec<View>> {
         let size = (2.0 * PICTURE_RADIUS * self.radius_pixels) as usize;
         let size = size.clamp(SIZES.0, SIZES.1) / 8 * 8;
-        let views = Views { count, size, samples: Samples::new(3)?.unfiltered(), up: self.up, turn };
-        Ok(views.around(self.leaves.frame()).collect())
+        views(self.leaves.frame(), self.up, size, (count, turn))
     }
 }
 

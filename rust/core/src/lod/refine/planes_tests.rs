@@ -4,6 +4,7 @@ use crate::foliage::{Attributes, Material};
 use crate::lod::refine::picture::BLOCK_WEIGHT;
 use crate::lod::refine::tests::{bush, settings};
 use crate::lod::{ChainSettings, Level, RefinedParts, build_chain};
+use crate::textures::Samples;
 use glam::{Vec3, Vec4};
 
 /// Red squares of side 0.3 that face up, each a leaf, on a grid of 5 × 5 with the height of each.

@@ -7,8 +7,8 @@ use crate::atlas::Region;
 use crate::fit::FitSettings;
 use crate::foliage::{Attributes, Image, Material};
 use crate::lod::{ChainSettings, Level, build_chain};
-use crate::metrics::Comparison;
-use crate::textures::LightGrid;
+use crate::metrics::{Comparison, Views};
+use crate::textures::{LightGrid, Samples};
 
 /// Cards in a ball, each with a round leaf of another green on a transparent ground.
 pub fn bush(count: u32) -> Foliage {
