@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::billboards::billboards;
 use super::cross;
 use super::level::Level;
-use super::refine::{LeafPictures, OnMips};
+use super::refine::{Effort, LeafPictures, OnMips};
 use super::tune::TONES;
 use crate::atlas::{Atlas, Region};
 use crate::error::Result;
@@ -40,6 +40,7 @@ pub(super) struct Sharer {
     material: Material,
     leaves: Arc<Reference>,
     refine_by: Option<Arc<LeafPictures>>,
+    effort: Effort,
 }
 
 impl Sharer {
@@ -53,13 +54,21 @@ impl Sharer {
             material: Material { image: None, ..level.page.material(level.alpha_cutoff, !level.two_sided) },
             leaves: Arc::clone(&level.amounts),
             refine_by: level.refine_by.clone(),
+            effort: if level.refined.is_some() { Effort::Many } else { Effort::Few },
         }
     }
 
     /// Returns the page of the billboards, refined on its mip levels.
     fn refined(&self, image: Image, cutoff: f32) -> Result<Image> {
         let Some(pictures) = &self.refine_by else { return Ok(image) };
-        let on_mips = OnMips { atlas: &self.atlas, frame: &self.frame, material: &self.material, cutoff, pictures };
+        let on_mips = OnMips {
+            atlas: &self.atlas,
+            frame: &self.frame,
+            material: &self.material,
+            cutoff,
+            pictures,
+            effort: self.effort,
+        };
         on_mips.refined(image)
     }
 

@@ -6,7 +6,7 @@
 //!
 //! Blocks of texels overlap in other places than the leaves on the page, so the same area on the polygons covers up to a tenth more of a picture,
 //! and shows other leaves: an oak was 4 % too bright. So pictures of the billboards correct the area and the mean color, on the mip levels that
-//! are seen first. Each part takes up to [`CORRECTIONS`] pages more, made by the best recipe alone. Pages of refined levels are refined by pictures, too
+//! are seen first. Each part takes up to [`CORRECTIONS`] pages more, made by the best recipe alone. Then pictures refine the texels
 //! ([`Pictured::refined`]).
 
 use glam::Vec3;

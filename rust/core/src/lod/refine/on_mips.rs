@@ -35,10 +35,29 @@ pub struct OnMips<'a> {
     /// Least alpha that is drawn.
     pub cutoff: f32,
     pub pictures: &'a LeafPictures,
+    pub effort: Effort,
 }
 
-/// Number of steps; test views look at the image after each.
-const STEPS: usize = 8;
+/// Number of steps. Each takes as long as a test of the image in all test views, about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// For each export: about two seconds for all levels of a tree.
+    Few,
+    /// For levels that are refined themselves: twice as much.
+    Many,
+}
+
+impl Effort {
+    fn steps(self) -> usize {
+        match self {
+            Self::Few => 4,
+            Self::Many => 8,
+        }
+    }
+}
+
+/// Number of steps after which test views look at the image.
+const UNTIL_TEST: usize = 2;
 
 /// Most texels of an image: larger ones stay, because a step takes some 90 bytes for each.
 const MOST_TEXELS: usize = 1 << 22;
@@ -92,8 +111,11 @@ impl OnMips<'_> {
         let mut grid = LightGrid::of(&image);
         let first = self.errors(&image, &seen)?;
         let mut best = (image, Gain::none(&first));
-        for step in 0..STEPS {
+        for step in 0..self.effort.steps() {
             self.move_texels(&mut grid, &seen, step)?;
+            if (step + 1) % UNTIL_TEST != 0 {
+                continue;
+            }
             let image = grid.to_image();
             let gain = Gain::over(&first, &self.errors(&image, &seen)?);
             if gain.is_better_than(&best.1) {

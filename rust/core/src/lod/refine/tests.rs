@@ -278,6 +278,7 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
             frame: &level.frame,
             material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
             cutoff,
+            effort: Effort::Many,
             pictures: &LeafPictures { steps: kept.steps.of_size(size), tests: kept.tests.of_size(size) },
         };
         assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
