@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::billboards::billboards;
 use super::cross;
 use super::level::Level;
-use super::refine::{Effort, LeafPictures, OnMips};
+use super::refine::{LeafPictures, OnMips};
 use super::tune::TONES;
 use crate::atlas::{Atlas, Region};
 use crate::error::Result;
@@ -31,6 +31,9 @@ pub struct Mip {
 /// Most halvings of a page for engines.
 const MOST_HALVINGS: usize = 3;
 
+/// Number of steps that refine a page by pictures. A level that is refined itself is worth twice as many seconds.
+const STEPS: usize = 4;
+
 /// A tree on an atlas page.
 #[derive(Clone, Debug)]
 pub(super) struct Sharer {
@@ -40,7 +43,7 @@ pub(super) struct Sharer {
     material: Material,
     leaves: Arc<Reference>,
     refine_by: Option<Arc<LeafPictures>>,
-    effort: Effort,
+    steps: usize,
 }
 
 impl Sharer {
@@ -54,7 +57,7 @@ impl Sharer {
             material: Material { image: None, ..level.page.material(level.alpha_cutoff, !level.two_sided) },
             leaves: Arc::clone(&level.amounts),
             refine_by: level.refine_by.clone(),
-            effort: if level.refined.is_some() { Effort::Many } else { Effort::Few },
+            steps: if level.refined.is_some() { 2 * STEPS } else { STEPS },
         }
     }
 
@@ -67,7 +70,7 @@ impl Sharer {
             material: &self.material,
             cutoff,
             pictures,
-            effort: self.effort,
+            steps: self.steps,
         };
         on_mips.refined(image)
     }

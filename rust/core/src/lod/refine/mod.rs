@@ -57,7 +57,7 @@ use crate::textures::Page;
 
 pub(super) use leaf_views::LeafPictures;
 pub(super) use of_level::refined;
-pub(super) use on_mips::{Effort, OnMips};
+pub(super) use on_mips::OnMips;
 
 /// Effort of the refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

@@ -35,25 +35,8 @@ pub struct OnMips<'a> {
     /// Least alpha that is drawn.
     pub cutoff: f32,
     pub pictures: &'a LeafPictures,
-    pub effort: Effort,
-}
-
-/// Number of steps. Each takes as long as a test of the image in all test views, about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effort {
-    /// For each export: about two seconds for all levels of a tree.
-    Few,
-    /// For levels that are refined themselves: twice as much.
-    Many,
-}
-
-impl Effort {
-    fn steps(self) -> usize {
-        match self {
-            Self::Few => 4,
-            Self::Many => 8,
-        }
-    }
+    /// Number of steps.
+    pub steps: usize,
 }
 
 /// Number of steps after which test views look at the image.
@@ -111,7 +94,7 @@ impl OnMips<'_> {
         let mut grid = LightGrid::of(&image);
         let first = self.errors(&image, &seen)?;
         let mut best = (image, Gain::none(&first));
-        for step in 0..self.effort.steps() {
+        for step in 0..self.steps {
             self.move_texels(&mut grid, &seen, step)?;
             if (step + 1) % UNTIL_TEST != 0 {
                 continue;

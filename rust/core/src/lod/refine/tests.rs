@@ -6,7 +6,7 @@ use crate::Error;
 use crate::atlas::Region;
 use crate::fit::FitSettings;
 use crate::foliage::{Attributes, Image, Material};
-use crate::lod::{ChainSettings, Level, build_chain};
+use crate::lod::{ChainSettings, Level, ViewCounts, build_chain};
 use crate::metrics::{Comparison, Views};
 use crate::textures::{LightGrid, Samples};
 
@@ -250,13 +250,29 @@ fn on_mip_levels(foliage: &Foliage, level: &Level, image: &Image, cutoff: f32) -
 #[test]
 fn pages_for_engines_become_more_like_the_leaves_on_all_mip_levels() {
     let foliage = bush(400);
-    let refined = level(&foliage, Refinement::Short);
-    let plain = Level { refine_by: None, engine: std::sync::Arc::default(), ..refined.clone() };
-    let [old, new] = [&plain, &refined].map(|level| {
-        let (image, cutoff) = level.for_engines(1);
-        on_mip_levels(&foliage, level, image, cutoff)
-    });
-    assert!(new.iter().zip(&old).all(|(new, old)| new.0 < 0.98 * old.0), "{new:?} after {old:?}");
+    for (effort, most) in [(Refinement::Off, 0.99), (Refinement::Short, 0.98)] {
+        let refined = level(&foliage, effort);
+        let plain = Level { refine_by: None, engine: std::sync::Arc::default(), ..refined.clone() };
+        let [old, new] = [&plain, &refined].map(|level| {
+            let (image, cutoff) = level.for_engines(1);
+            on_mip_levels(&foliage, level, image, cutoff)
+        });
+        assert!(new.iter().zip(&old).all(|(new, old)| new.0 < most * old.0), "{effort:?}: {new:?} after {old:?}");
+    }
+}
+
+#[test]
+fn levels_have_pictures_for_engines_unless_few_views_are_wanted_or_alpha_is_coverage() {
+    let foliage = bush(50);
+    let has_pictures = |more: &dyn Fn(&mut ChainSettings)| {
+        let mut settings = ChainSettings { cross: true, ..settings(Refinement::Off) };
+        more(&mut settings);
+        let chain = build_chain(&foliage, None, &settings, Progress::silent()).unwrap();
+        chain.levels.iter().map(|level| level.refine_by.is_some()).collect::<Vec<_>>()
+    };
+    assert_eq!(has_pictures(&|_| ()), [true, true]);
+    assert_eq!(has_pictures(&|settings| settings.views = ViewCounts::QUICK), [false, false]);
+    assert_eq!(has_pictures(&|settings| settings.blended = true), [false, false]);
 }
 
 #[test]
@@ -278,7 +294,7 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
             frame: &level.frame,
             material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
             cutoff,
-            effort: Effort::Many,
+            steps: 8,
             pictures: &LeafPictures { steps: kept.steps.of_size(size), tests: kept.tests.of_size(size) },
         };
         assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
