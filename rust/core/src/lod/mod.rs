@@ -148,15 +148,10 @@ pub fn build_chain_of(
     let mut seconds = MeasuringSeconds::default();
     // The measurements stay at the fraction 0; they report to be cancelled.
     let measuring = progress.part(0.0, 0.0);
-    let Order { ranks, growth, contrast } = order(foliage, settings, &mut seconds, measuring)?;
+    let order = order(foliage, settings, &mut seconds, measuring)?;
     let pivots = pivots(whole);
     let keep = settings.pruning.map(|pruning| pruning.keep).filter(|keep| *keep < 1.0);
-    let pruned = match keep {
-        Some(keep) => Some(prune::pruned(foliage, &ranks, keep, growth.factor(keep))?),
-        None => timed(&mut seconds.hidden, || {
-            hidden::without_hidden(foliage, settings.min_visibility, settings.up, measuring)
-        })?,
-    };
+    let pruned = fewer(foliage, keep, &order, settings, &mut seconds, measuring)?;
     let (foliage, kept) = match &pruned {
         Some(Pruned { foliage, kept }) => (foliage, Some(kept.clone())),
         None => (foliage, None),
@@ -230,7 +225,7 @@ pub fn build_chain_of(
         let before = Before { leaves: finer.as_ref().unwrap_or(foliage), trunk: trunk.as_ref() };
         made.add(std::iter::once(Ok(cross)), &before, true, settings, rest.part(1.0, 1.0))?;
     }
-    let Made { levels, left_out } = made;
+    let (Made { levels, left_out }, Order { ranks, growth, contrast }) = (made, order);
     progress.tell("bake", 1.0)?;
     Ok(Chain {
         levels,
@@ -296,6 +291,22 @@ fn order(
 fn part_of_level(progress: Progress<'_>, index: usize, count: usize) -> Progress<'_> {
     let done = |i: usize| if i == 0 { 0.0 } else { 0.7 + 0.3 * i as f64 / count.max(1) as f64 };
     progress.part(done(index), if index + 1 == count { 1.0 } else { done(index + 1) })
+}
+
+/// Returns the leaves without those that are pruned, or else hidden; `None` if all stay.
+fn fewer(
+    foliage: &Foliage,
+    keep: Option<f64>,
+    Order { ranks, growth, .. }: &Order,
+    settings: &ChainSettings,
+    seconds: &mut MeasuringSeconds,
+    progress: Progress,
+) -> Result<Option<Pruned>> {
+    let Some(keep) = keep else {
+        let visible = || hidden::without_hidden(foliage, settings.min_visibility, settings.up, progress);
+        return timed(&mut seconds.hidden, visible);
+    };
+    Ok(Some(prune::pruned(foliage, ranks, keep, growth.factor(keep))?))
 }
 
 /// Returns the pivot of each triangle's leaf, in the tree's own coordinates.
