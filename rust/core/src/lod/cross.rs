@@ -98,7 +98,7 @@ pub(super) fn build(
         coverage,
         pictures,
         amounts: Arc::clone(&references.tuning),
-        refine_by: leaf_pictures(parts, &frame, settings, ENGINE_PICTURES)?,
+        refine_by: leaf_pictures(parts, &frame, settings, ENGINE_PICTURES, progress.part(0.9, 0.9))?,
         sharers: Arc::default(),
         part: 0,
         atlas,

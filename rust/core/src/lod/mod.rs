@@ -160,7 +160,7 @@ pub fn build_chain_of(
     let shown = if keep.is_some() { foliage } else { whole };
     measuring.tell("measure", 0.0)?;
     let references = References::new(&[shown], &[whole], &frame, settings)?;
-    let leaf_pictures = leaf_pictures(&[shown], &frame, settings, ENGINE_PICTURES)?;
+    let leaf_pictures = leaf_pictures(&[shown], &frame, settings, ENGINE_PICTURES, measuring)?;
     let channels = settings.channels.completed();
     let trunk = trunk.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(shown).chain(&trunk).collect();
@@ -250,9 +250,10 @@ fn leaf_pictures(
     frame: &Frame,
     settings: &ChainSettings,
     size: usize,
+    progress: Progress,
 ) -> Result<Option<Arc<LeafPictures>>> {
     let wanted = settings.views.engines && !settings.blended;
-    wanted.then(|| LeafPictures::of(parts, frame, settings.up, size).map(Arc::new)).transpose()
+    wanted.then(|| LeafPictures::of(parts, frame, settings.up, size, progress).map(Arc::new)).transpose()
 }
 
 /// The pruning order of the leaves, and how pruned leaves grow and change their colors.

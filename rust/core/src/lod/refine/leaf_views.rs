@@ -15,6 +15,7 @@ use crate::error::Result;
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::metrics::{View, Views, render};
+use crate::progress::Progress;
 use crate::textures::{Samples, light, mips};
 
 /// Side of the smallest pictures, in pixels.
@@ -39,19 +40,25 @@ pub struct LeafPictures {
     pub tests: LeafViews,
 }
 
-/// Number of turns of the views of the steps, and of views of each turn.
-const TURNS: (usize, usize) = (6, 4);
+/// Number of turns with views for steps, and of views of each.
+const STEP_VIEWS: (usize, usize) = (6, 4);
 
 impl LeafPictures {
-    /// Draws leaves and trunk.
+    /// Draws the parts of the tree.
     ///
     /// # Errors
-    /// An `up` without a finite length above 0.
-    pub fn of(parts: &[&Foliage], around: &Frame, up: DVec3, size: usize) -> Result<Self> {
-        let of_turn = |step: usize| views(around, up, size, (TURNS.1, turn_of(step)));
-        let steps = (0..TURNS.0).map(of_turn).collect::<Result<Vec<_>>>()?.concat();
-        let tests = views(around, up, size, (TEST_VIEWS, TEST_TURN))?;
-        Ok(Self { steps: LeafViews::of(drawn(parts, steps)?), tests: LeafViews::of(drawn(parts, tests)?) })
+    /// [`crate::Error::Cancelled`].
+    pub fn of(parts: &[&Foliage], around: &Frame, up: DVec3, size: usize, progress: Progress) -> Result<Self> {
+        let pictures = |views: Vec<View>| {
+            let picture = |view| {
+                progress.tell("measure", 0.0)?;
+                Ok((view, render(parts, &view)?))
+            };
+            views.into_par_iter().map(picture).collect::<Result<_>>().map(LeafViews::of)
+        };
+        let of_turn = |step: usize| views(around, up, size, (STEP_VIEWS.1, turn_of(step)));
+        let steps = (0..STEP_VIEWS.0).map(of_turn).collect::<Result<Vec<_>>>()?.concat();
+        Ok(Self { steps: pictures(steps)?, tests: pictures(views(around, up, size, (TEST_VIEWS, TEST_TURN))?)? })
     }
 }
 
@@ -62,8 +69,8 @@ pub fn views(around: &Frame, up: DVec3, size: usize, (count, turn): (usize, f64)
 }
 
 /// Draws the leaves.
-pub fn drawn(parts: &[&Foliage], views: Vec<View>) -> Result<Vec<LeafView>> {
-    views.into_par_iter().map(|view| Ok((view, render(parts, &view)?))).collect()
+pub fn drawn(leaves: &Foliage, views: Vec<View>) -> Result<Vec<LeafView>> {
+    views.into_par_iter().map(|view| Ok((view, render(&[leaves], &view)?))).collect()
 }
 
 impl LeafViews {

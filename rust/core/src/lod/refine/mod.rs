@@ -196,14 +196,14 @@ impl Subject<'_> {
         progress.tell("refine", 0.0)?;
         let size = self.size();
         let views = |count, turn| views(self.leaves.frame(), self.up, size, (count, turn));
-        let tests = LeafViews::of(drawn(&[self.leaves], views(TEST_VIEWS, TEST_TURN)?)?);
+        let tests = LeafViews::of(drawn(self.leaves, views(TEST_VIEWS, TEST_TURN)?)?);
         let first = tests.errors(&self.shown(page, cutoff)?, Vec3::ONE)?;
         let mut best = (page.clone(), cutoff, Gain::none(&first));
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
             let stage = format!("refine (error {:.0} %)", 100.0 * best.2.mean());
             progress.tell(&stage, step as f64 / (rounds * steps) as f64)?;
-            let seen = drawn(&[self.leaves], views(each, turn_of(step))?)?;
+            let seen = drawn(self.leaves, views(each, turn_of(step))?)?;
             texels.move_by(&self.credits(page, &texels, cutoff, &seen)?, Rates::of_step(step));
             if (step + 1) % steps == 0 {
                 let (page, cutoff) = self.balanced(page, &mut texels, cutoff)?;

@@ -92,7 +92,7 @@ impl Arrangement<'_> {
         }
         progress.tell("refine", 0.0)?;
         let (stretch, projection) = tune::projection(self.finer, &cloud, self.amounts)?;
-        let tests = LeafViews::of(drawn(&[self.leaves], self.views(TEST_VIEWS, TEST_TURN)?)?);
+        let tests = LeafViews::of(drawn(self.leaves, self.views(TEST_VIEWS, TEST_TURN)?)?);
         let (first, tone) = self.errors(&tests, &projection)?;
         let (parts, mut places) = Parts::new(self.finer, &cloud, stretch, self.image);
         let bound = cloud.bound;
