@@ -11,6 +11,7 @@ mod visibility;
 pub use drawing::{DrawingCost, counted_views, drawing_cost};
 use light::Light;
 pub(crate) use light::brightness;
+pub(crate) use measure::coverage;
 use render::silhouette;
 pub use render::{View, render, render_lit, render_watched, seen_behind};
 pub(crate) use render::{shown_points, texture_points};
@@ -129,7 +130,7 @@ impl Reference {
     pub fn agreement(&self, level: &Foliage) -> Result<Agreement> {
         let pictures = self.views.iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
         let pairs = || self.pictures.iter().zip(&pictures);
-        Ok(Agreement { coverage: measure::coverage(pairs()), overlap: measure::overlap(pairs()) })
+        Ok(Agreement { coverage: coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
 
     /// Returns the standard deviation of the base's luminance over the level's; 1 if either hardly varies (10⁻³ or less).
@@ -238,7 +239,7 @@ impl Comparison {
     /// not count.
     #[must_use]
     pub fn coverage(&self) -> f64 {
-        measure::coverage(self.flat.base.iter().zip(self.flat.level.iter()))
+        coverage(self.flat.base.iter().zip(self.flat.level.iter()))
     }
 
     /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black.

@@ -1,7 +1,7 @@
 //! The gain of a refinement: errors of pictures in test views, which no step uses, at several sizes. Sizes count alike: the gain is the mean of the
 //! ratios.
 
-/// Errors by the side of the pictures, in pixels.
+/// Errors by the side of the pictures in pixels, or by the number of the mip level.
 pub type Errors = Vec<(usize, f64)>;
 
 /// Errors relative to those before the refinement.

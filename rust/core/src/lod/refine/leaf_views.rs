@@ -14,12 +14,15 @@ use super::{TEST_TURN, TEST_VIEWS, turn_of};
 use crate::error::Result;
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
-use crate::metrics::{View, Views, render};
+use crate::metrics::{View, Views, coverage, render};
 use crate::progress::Progress;
 use crate::textures::{Samples, light, mips};
 
-/// Side of the smallest pictures, in pixels.
+/// Side of the smallest pictures that decide on a level, in pixels.
 const SMALLEST: usize = 32;
+
+/// Side of the smallest pictures that refine pages for engines: files are drawn up to some four times the distance of a level.
+const SMALLEST_FOR_ENGINES: usize = 16;
 
 /// A view, and the picture of the leaves in it.
 pub type LeafView = (View, Image);
@@ -54,7 +57,8 @@ impl LeafPictures {
                 progress.tell("measure", 0.0)?;
                 Ok((view, render(parts, &view)?))
             };
-            views.into_par_iter().map(picture).collect::<Result<_>>().map(LeafViews::of)
+            let drawn = views.into_par_iter().map(picture).collect::<Result<_>>()?;
+            Ok(LeafViews::down_to(SMALLEST_FOR_ENGINES, drawn))
         };
         let of_turn = |step: usize| views(around, up, size, (STEP_VIEWS.1, turn_of(step)));
         let steps = (0..STEP_VIEWS.0).map(of_turn).collect::<Result<Vec<_>>>()?.concat();
@@ -68,15 +72,27 @@ pub fn views(around: &Frame, up: DVec3, size: usize, (count, turn): (usize, f64)
     Ok(views.around(around).collect())
 }
 
+/// What test views tell of a level.
+pub struct Look {
+    pub error: f64,
+    pub coverage: f64,
+}
+
 /// Draws the leaves.
 pub fn drawn(leaves: &Foliage, views: Vec<View>) -> Result<Vec<LeafView>> {
     views.into_par_iter().map(|view| Ok((view, render(&[leaves], &view)?))).collect()
 }
 
 impl LeafViews {
+    /// Pictures that decide on a level.
     pub fn of(drawn: Vec<LeafView>) -> Self {
+        Self::down_to(SMALLEST, drawn)
+    }
+
+    fn down_to(smallest: usize, drawn: Vec<LeafView>) -> Self {
         let (views, pictures): (Vec<View>, Vec<Image>) = drawn.into_iter().unzip();
-        Self { views, leaves: pictures.iter().map(|picture| halves(picture).into()).collect() }
+        let halves = |picture: &Image| halves(picture).take_while(|half| half.width() >= smallest).collect();
+        Self { views, leaves: pictures.iter().map(halves).collect() }
     }
 
     /// Returns the sides of the pictures in pixels, the largest first.
@@ -96,21 +112,31 @@ impl LeafViews {
         self.views.iter().zip(self.leaves.iter().map(|halves| &halves[0]))
     }
 
+    /// Returns the error of a level and its coverage relative to the leaves, in the largest pictures.
+    pub fn look(&self, level: &Foliage) -> Result<Look> {
+        let shown = self.views.par_iter().map(|view| render(&[level], view)).collect::<Result<Vec<_>>>()?;
+        let pairs = || self.pictures().map(|(_, leaves)| leaves).zip(&shown);
+        let errors = pairs().map(|(leaves, level)| error(leaves, level, Vec3::ONE));
+        Ok(Look { error: errors.sum::<f64>() / shown.len() as f64, coverage: coverage(pairs()) })
+    }
+
     /// Returns the errors of a level, with factors on its colors.
     pub fn errors(&self, level: &Foliage, tone: Vec3) -> Result<Errors> {
-        let of_view = |view: &View| Ok(halves(&render(&[level], view)?));
-        let level = self.views.par_iter().map(of_view).collect::<Result<Vec<_>>>()?;
+        let sizes = self.sizes();
+        let of_view = |view: &View| Ok(halves(&render(&[level], view)?).take(sizes.len()).collect());
+        let level = self.views.par_iter().map(of_view).collect::<Result<Vec<Vec<Image>>>>()?;
         let of_size = |(number, size): (usize, usize)| {
             let pairs = self.leaves.par_iter().zip(&level);
             let each: Vec<f64> = pairs.map(|(leaves, level)| error(&leaves[number], &level[number], tone)).collect();
             (size, each.iter().sum::<f64>() / each.len() as f64)
         };
-        Ok(self.sizes().into_iter().enumerate().map(of_size).collect())
+        Ok(sizes.into_iter().enumerate().map(of_size).collect())
     }
 }
 
-fn halves(image: &Image) -> Vec<Image> {
-    mips::means(image).into_iter().take_while(|half| half.width() >= SMALLEST).collect()
+/// Returns the picture, its half, the half of that, and so on.
+fn halves(image: &Image) -> impl Iterator<Item = Image> {
+    mips::means(image).into_iter()
 }
 
 /// Returns the sum of absolute differences over the number of pixels that show the leaves.

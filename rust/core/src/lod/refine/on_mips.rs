@@ -6,16 +6,16 @@
 //! level, its details to those of finer ones.
 //!
 //! The leaves are drawn once for all levels of a chain: coarser levels are compared with halves of these pictures. Test views
-//! decide: the image counts only if it is better in them on the whole and worse on no mip level. Sums have a fixed order. O(steps · levels · views ·
+//! decide: the image counts only if it is better in them on the whole, worse on no mip level, and keeps the coverage on all. Sums have a fixed order. O(steps · levels · views ·
 //! (pixels + fragments)) plus O(texels) a step, for each part of a shared page. Known limits: no texel gets alpha that has none; mip levels with texels
-//! finer than the pixels of all pictures get no credits of their own; coverage follows from the pictures and may change by some per cent.
+//! finer than the pixels of all pictures get no credits of their own; coverage may change by [`COVERAGE`].
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::credit::{Credits, Drawn};
 use super::gain::{Errors, Gain};
-use super::leaf_views::{LeafPictures, LeafViews};
+use super::leaf_views::{LeafPictures, LeafViews, Look};
 use super::picture::Target;
 use super::texels::{PRIOR, direction, mean_credit, slower};
 use crate::atlas::Atlas;
@@ -92,7 +92,8 @@ impl OnMips<'_> {
             return Ok(image);
         }
         let mut grid = LightGrid::of(&image);
-        let first = self.errors(&image, &seen)?;
+        let looks = self.looks(&image, &seen)?;
+        let first = errors(&looks);
         let mut best = (image, Gain::none(&first));
         for step in 0..self.steps {
             self.move_texels(&mut grid, &seen, step)?;
@@ -100,8 +101,10 @@ impl OnMips<'_> {
                 continue;
             }
             let image = grid.to_image();
-            let gain = Gain::over(&first, &self.errors(&image, &seen)?);
-            if gain.is_better_than(&best.1) {
+            let now = self.looks(&image, &seen)?;
+            let gain = Gain::over(&first, &errors(&now));
+            let keeps_coverage = now.iter().zip(&looks).all(|(now, first)| now.keeps_coverage_of(first));
+            if keeps_coverage && gain.is_better_than(&best.1) {
                 best = (image, gain);
             }
         }
@@ -125,12 +128,10 @@ impl OnMips<'_> {
         (0..=last).filter_map(of_mip).collect()
     }
 
-    /// Returns the error on each mip level in the test views.
-    fn errors(&self, image: &Image, seen: &[Seen]) -> Result<Errors> {
-        let error = |(level, seen): (LightGrid, &Seen)| {
-            Ok(seen.tests.errors(&self.shown(level.to_image(), self.cutoff)?, Vec3::ONE)?[0])
-        };
-        with_levels(LightGrid::of(image), seen).map(error).collect()
+    /// Looks at each mip level in the test views.
+    fn looks(&self, image: &Image, seen: &[Seen]) -> Result<Vec<Look>> {
+        let look = |(level, seen): (LightGrid, &Seen)| seen.tests.look(&self.shown(level.to_image(), self.cutoff)?);
+        with_levels(LightGrid::of(image), seen).map(look).collect()
     }
 
     fn shown(&self, image: Image, cutoff: f32) -> Result<Foliage> {
@@ -172,6 +173,20 @@ impl OnMips<'_> {
         let each = turn.map(|(view, target)| drawn.credits(level, target, view, POINTS));
         Ok(Moves::of(seen.mip, level, &Credits::joined(each.collect::<Result<_>>()?)))
     }
+}
+
+/// How much farther from that of the leaves the coverage of a mip level may become.
+const COVERAGE: f64 = 0.03;
+
+impl Look {
+    fn keeps_coverage_of(&self, first: &Self) -> bool {
+        (self.coverage - 1.0).abs() <= (first.coverage - 1.0).abs() + COVERAGE
+    }
+}
+
+/// Returns the error on each mip level.
+fn errors(looks: &[Look]) -> Errors {
+    looks.iter().map(|look| look.error).enumerate().collect()
 }
 
 /// Returns each mip level of an image that has pictures, with these.
