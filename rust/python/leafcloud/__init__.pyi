@@ -318,8 +318,8 @@ class Level:
         The sides of the page are halved ``halvings`` times, at most three: an engine draws the level only where texels
         are smaller than pixels. Alpha is another than that of ``base_color``: on the polygons about the same area is
         above the cutoff at mips 0 to 2 and, on most pages, at mip 3. Pictures on mips 0 to 2 correct that area toward
-        the coverage of the leaves, and the colors toward their mean color. Pages of refined levels are then refined
-        by pictures on all mips that are seen. Computed on the first call, in seconds."""
+        the coverage of the leaves, and the colors toward their mean color. Then pictures refine the
+        texels on all mips that are seen, except in a quick bake. Computed on the first call, in seconds."""
     def halved(self, channel: str, halvings: int) -> NDArray[np.uint8]:
         """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …) with its sides halved ``halvings`` times.
 
