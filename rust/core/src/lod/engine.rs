@@ -31,7 +31,7 @@ pub struct Mip {
 /// Most halvings of a page for engines.
 const MOST_HALVINGS: usize = 3;
 
-/// Number of steps that refine a page by pictures. A level that is refined itself is worth twice as many seconds.
+/// Number of steps that refine a page by pictures. Refined levels take twice as many.
 const STEPS: usize = 4;
 
 /// A tree on an atlas page.

@@ -252,8 +252,10 @@ fn leaf_pictures(
     size: usize,
     progress: Progress,
 ) -> Result<Option<Arc<LeafPictures>>> {
-    let wanted = settings.views.engines && !settings.blended;
-    wanted.then(|| LeafPictures::of(parts, frame, settings.up, size, progress).map(Arc::new)).transpose()
+    let wanted = settings.views.refine_engine_pages || settings.refine != Refinement::Off;
+    (wanted && !settings.blended)
+        .then(|| LeafPictures::of(parts, frame, settings.up, size, progress).map(Arc::new))
+        .transpose()
 }
 
 /// The pruning order of the leaves, and how pruned leaves grow and change their colors.

@@ -28,15 +28,15 @@ pub struct ViewCounts {
     /// Reported metrics.
     pub report: usize,
     /// Whether pages for engines are refined by pictures, too.
-    pub engines: bool,
+    pub refine_engine_pages: bool,
 }
 
 impl ViewCounts {
     /// The fewest views that still tell settings apart. The figures are off by a few percent.
-    pub const QUICK: Self = Self { order: 0, places: 1, amounts: 1, report: 2, engines: false };
+    pub const QUICK: Self = Self { order: 0, places: 1, amounts: 1, report: 2, refine_engine_pages: false };
 
     fn check(self) -> Result<()> {
-        let Self { order, places, amounts, report, engines: _ } = self;
+        let Self { order, places, amounts, report, refine_engine_pages: _ } = self;
         let counts = [("order", order.max(1)), ("places", places), ("amounts", amounts), ("report", report)];
         counts.into_iter().try_for_each(|(name, count)| limits::VIEW_COUNT.check(name, count as f64))
     }
@@ -44,7 +44,7 @@ impl ViewCounts {
 
 impl Default for ViewCounts {
     fn default() -> Self {
-        Self { order: 16, places: 6, amounts: 16, report: 8, engines: true }
+        Self { order: 16, places: 6, amounts: 16, report: 8, refine_engine_pages: true }
     }
 }
 

@@ -21,8 +21,8 @@ use crate::textures::{Samples, light, mips};
 /// Side of the smallest pictures that decide on a level, in pixels.
 const SMALLEST: usize = 32;
 
-/// Side of the smallest pictures that refine pages for engines: files are drawn up to some four times the distance of a level.
-const SMALLEST_FOR_ENGINES: usize = 16;
+/// Side of the smallest pictures that refine pages for engines, in pixels.
+const SMALLEST_FOR_ENGINES: usize = 8;
 
 /// A view, and the picture of the leaves in it.
 pub type LeafView = (View, Image);
@@ -43,7 +43,7 @@ pub struct LeafPictures {
     pub tests: LeafViews,
 }
 
-/// Number of turns with views for steps, and of views of each.
+/// Number of turns for steps, and of views in each turn.
 const STEP_VIEWS: (usize, usize) = (6, 4);
 
 impl LeafPictures {
@@ -52,12 +52,13 @@ impl LeafPictures {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn of(parts: &[&Foliage], around: &Frame, up: DVec3, size: usize, progress: Progress) -> Result<Self> {
+        // One after the other: the triangles of large trees take as much memory as all pictures.
         let pictures = |views: Vec<View>| {
             let picture = |view| {
                 progress.tell("measure", 0.0)?;
                 Ok((view, render(parts, &view)?))
             };
-            let drawn = views.into_par_iter().map(picture).collect::<Result<_>>()?;
+            let drawn = views.into_iter().map(picture).collect::<Result<_>>()?;
             Ok(LeafViews::down_to(SMALLEST_FOR_ENGINES, drawn))
         };
         let of_turn = |step: usize| views(around, up, size, (STEP_VIEWS.1, turn_of(step)));
@@ -66,7 +67,7 @@ impl LeafPictures {
     }
 }
 
-/// Returns so many views of a turn.
+/// Returns `count` views; `turn` rotates them.
 pub fn views(around: &Frame, up: DVec3, size: usize, (count, turn): (usize, f64)) -> Result<Vec<View>> {
     let views = Views { count, size, samples: Samples::new(3)?.unfiltered(), up, turn };
     Ok(views.around(around).collect())

@@ -8,7 +8,7 @@
 //! The leaves are drawn once for all levels of a chain: coarser levels are compared with halves of these pictures. Test views
 //! decide: the image counts only if it is better in them on the whole, worse on no mip level, and keeps the coverage on all. Sums have a fixed order. O(steps · levels · views ·
 //! (pixels + fragments)) plus O(texels) a step, for each part of a shared page. Known limits: no texel gets alpha that has none; mip levels with texels
-//! finer than the pixels of all pictures get no credits of their own; coverage may change by [`COVERAGE`].
+//! finer than the pixels of all pictures get no credits of their own; mip levels that are smaller than all pictures get none either.
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -55,7 +55,7 @@ const POINTS: usize = 2;
 /// Share of the cutoff by which the lower and the higher cutoff of a step differ from it.
 const BAND: f32 = 0.4;
 
-/// Factor on the mean of the color steps of all mip levels. Above 1, because each level has a step of its own.
+/// Greatest factor on the mean of the color steps of all mip levels. Above 1, because each level has a step of its own.
 const COLOR: f32 = 2.0;
 
 /// Greatest change of alpha on each mip level, relative to alpha and half the cutoff.
@@ -144,7 +144,7 @@ impl OnMips<'_> {
         let moves = with_levels(grid.clone(), seen).map(|(level, seen)| self.moves(&level, seen, step));
         let moves: Vec<Moves> = moves.collect::<Result<_>>()?;
         let slower = slower(step);
-        let color = slower * COLOR / moves.len() as f32;
+        let color = slower * (COLOR / moves.len() as f32).min(1.0);
         let (alpha, width) = (slower * ALPHA, grid.0.width);
         grid.0.pixels.par_iter_mut().enumerate().for_each(|(texel, value)| {
             let at = |moves: &Moves| {
@@ -175,12 +175,13 @@ impl OnMips<'_> {
     }
 }
 
-/// How much farther from that of the leaves the coverage of a mip level may become.
-const COVERAGE: f64 = 0.03;
+/// How far the coverage of a mip level may leave the range between that before and that of the leaves.
+const COVERAGE_SLACK: f64 = 0.03;
 
 impl Look {
     fn keeps_coverage_of(&self, first: &Self) -> bool {
-        (self.coverage - 1.0).abs() <= (first.coverage - 1.0).abs() + COVERAGE
+        let (low, high) = (first.coverage.min(1.0) - COVERAGE_SLACK, first.coverage.max(1.0) + COVERAGE_SLACK);
+        (low..=high).contains(&self.coverage)
     }
 }
 

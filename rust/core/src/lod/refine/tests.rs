@@ -272,6 +272,10 @@ fn levels_have_pictures_for_engines_unless_few_views_are_wanted_or_alpha_is_cove
     };
     assert_eq!(has_pictures(&|_| ()), [true, true]);
     assert_eq!(has_pictures(&|settings| settings.views = ViewCounts::QUICK), [false, false]);
+    let quick_but_refined = |settings: &mut ChainSettings| {
+        (settings.views, settings.refine) = (ViewCounts::QUICK, Refinement::Short);
+    };
+    assert_eq!(has_pictures(&quick_but_refined), [true, true]);
     assert_eq!(has_pictures(&|settings| settings.blended = true), [false, false]);
 }
 
