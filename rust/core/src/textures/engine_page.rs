@@ -7,13 +7,13 @@
 //! Blocks of texels overlap in other places than the leaves on the page, so the same area on the polygons covers up to a tenth more of a picture,
 //! and shows other leaves: an oak was 4 % too bright. So pictures of the billboards correct the area and the mean color, on the mip levels that
 //! are seen first. Each part takes up to [`CORRECTIONS`] pages more, made by the best recipe alone. Then pictures refine the texels
-//! ([`Pictured::refined`]).
+//! ([`Pictured::refined`]), if mip levels still keep their area.
 
 use glam::Vec3;
 
 use super::cascade::{Keeping, Kept};
 use super::light_grid::LightGrid;
-use super::mips::{code_at_least, of_part};
+use super::mips::{code_at_least, means, of_part};
 use super::parts::{PagePart, apart, together};
 use super::tone;
 use crate::error::Result;
@@ -33,6 +33,9 @@ const COVERAGE_ERROR: f64 = 0.005;
 
 /// How much larger the error of the area on mip levels ([`Kept::error`]) may become by a correction.
 const WORSE: f64 = 0.15;
+
+/// How far the areas of the refined page on mip levels, relative to the first of them, may leave the range between those before and 1.
+const AREA_SLACK: f64 = 0.05;
 
 /// Range of the factors on the area.
 const AREAS: (f64, f64) = (0.7, 1.4);
@@ -89,7 +92,9 @@ impl EnginePage {
                 let shown = levels.iter().skip(first_seen.min(levels.len() - 1));
                 shown.map(|level| pictured.sight(number, level.to_image(), kept.cutoff)).collect()
             })?;
-            Ok((pictured.refined(number, image, cutoff)?, cutoff))
+            let refined = pictured.refined(number, image.clone(), cutoff)?;
+            let keeps = keeps_areas(keeping.kept_areas(&image, cutoff), keeping.kept_areas(&refined, cutoff));
+            Ok((if keeps { refined } else { image }, cutoff))
         };
         let made = apart(page, parts).into_iter().zip(parts).enumerate().map(of_part).collect::<Result<Vec<_>>>()?;
         let (images, cutoffs) = made.into_iter().unzip();
@@ -120,6 +125,23 @@ fn corrected(keeping: &Keeping, area: f64, sights: impl Fn(&Kept) -> Result<Vec<
     Ok((tone::scaled(&best.image, tone), best.cutoff))
 }
 
+impl Keeping<'_> {
+    /// Returns the areas on the mip levels that are seen first, relative to the first of them.
+    fn kept_areas(&self, image: &Image, cutoff: f32) -> Vec<f64> {
+        let levels = means(image).into_iter().skip(self.seen.1).take(PICTURED);
+        let area = |level: Image| self.polygons.share(&level.alpha(), level.width(), code_at_least(cutoff));
+        let areas: Vec<f64> = levels.map(area).collect();
+        areas.iter().map(|area| area / areas[0].max(f64::MIN_POSITIVE)).collect()
+    }
+}
+
+/// Returns whether mip levels keep the area of the first as before, or better.
+fn keeps_areas(before: Vec<f64>, now: Vec<f64>) -> bool {
+    let keeps =
+        |(before, now): (f64, f64)| (before.min(1.0) - AREA_SLACK..=before.max(1.0) + AREA_SLACK).contains(&now);
+    before.into_iter().zip(now).all(keeps)
+}
+
 /// Returns the squared error of the coverage: a denser first level must not make up for a sparser last one.
 fn error(seen: &[Sight]) -> f64 {
     seen.iter().map(|sight| (sight.coverage - 1.0).powi(2)).sum()
@@ -129,7 +151,6 @@ fn error(seen: &[Sight]) -> f64 {
 mod tests {
     use super::*;
     use crate::atlas::Region;
-    use crate::textures::mips::means;
 
     /// Pictures by a function of image and cutoff, without a refinement.
     struct By<F>(F);
