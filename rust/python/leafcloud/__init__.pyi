@@ -319,7 +319,7 @@ class Level:
         are smaller than pixels. Alpha is another than that of ``base_color``: on the polygons about the same area is
         above the cutoff at mips 0 to 2 and, on most pages, at mip 3. Pictures on mips 0 to 2 correct that area toward
         the coverage of the leaves, and the colors toward their mean color. Then pictures refine the
-        texels on all mips that are seen, except in a quick bake. Computed on the first call, in seconds."""
+        texels, except in a quick bake. Computed on the first call, in seconds."""
     def halved(self, channel: str, halvings: int) -> NDArray[np.uint8]:
         """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …) with its sides halved ``halvings`` times.
 
