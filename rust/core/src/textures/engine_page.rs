@@ -248,6 +248,38 @@ mod tests {
         }
     }
 
+    /// A refinement that leaves one texel of 64: the third mip level of its page shows nothing.
+    struct Dots;
+
+    impl Pictured for Dots {
+        fn sight(&self, _: usize, _: Image, _: f32) -> Result<Sight> {
+            Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
+        }
+
+        fn refined(&self, _: usize, image: Image, _: f32) -> Result<Image> {
+            let side = image.width();
+            let alpha = |i: usize| if i % 8 == 4 && i / side % 8 == 4 { 255 } else { 0 };
+            Ok(image.with_alpha((0..side * side).map(alpha).collect()))
+        }
+    }
+
+    #[test]
+    fn a_refined_page_that_loses_its_area_on_mip_levels_is_refused() {
+        let (page, part) = sparse(0.5);
+        let [wanted, found] = [
+            EnginePage::new(&page, std::slice::from_ref(&part), 1, &as_leaves()).unwrap(),
+            EnginePage::new(&page, std::slice::from_ref(&part), 1, &Dots).unwrap(),
+        ];
+        assert_eq!(found.image, wanted.image);
+    }
+
+    #[test]
+    fn areas_may_come_nearer_to_that_of_the_first_mip_level() {
+        let keeps = |before: f64, now: f64| keeps_areas(vec![1.0, before], vec![1.0, now]);
+        assert!(keeps(0.6, 0.98) && keeps(0.6, 1.04) && keeps(0.6, 0.56) && keeps(1.3, 1.0));
+        assert!(!keeps(0.6, 0.5) && !keeps(0.6, 1.1) && !keeps(1.3, 0.9) && !keeps(1.3, 1.4));
+    }
+
     #[test]
     fn each_part_of_a_page_has_its_cutoff() {
         let (page, whole) = sparse(0.5);

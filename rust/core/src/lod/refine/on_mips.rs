@@ -209,3 +209,16 @@ impl Moves {
         Self { mip, width: level.0.width, texels: colors.par_iter().zip(&alpha).map(step).collect() }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coverage_stays_between_that_before_and_that_of_the_leaves() {
+        let look = |coverage: f64| Look { error: 0.1, coverage };
+        let keeps = |before: f64, now: f64| look(now).keeps_coverage_of(&look(before));
+        assert!(keeps(1.17, 1.0) && keeps(1.17, 1.19) && keeps(1.17, 0.98) && keeps(0.8, 1.02));
+        assert!(!keeps(1.17, 0.84) && !keeps(1.17, 1.21) && !keeps(0.8, 0.76) && !keeps(0.8, 1.2));
+    }
+}
