@@ -151,10 +151,16 @@ bench-three: setup $(THREE)/node_modules/.package-lock.json ## measure the level
 	.venv/bin/python bench/three.py $(ARGS)
 
 .PHONY: bench-engines
-bench-engines: setup $(NODE_MODULES) ## measure hand-overs, files and forests in three.js and Babylon.js (half an hour)
+bench-engines: setup $(NODE_MODULES) ## measure hand-overs and files in three.js and Babylon.js (half an hour)
 	@tools/prerequisites.sh chromium
 	@mkdir -p docs/bench
 	.venv/bin/python bench/engines.py $(ARGS)
+
+.PHONY: bench-frame-times
+bench-frame-times: setup $(THREE)/node_modules/.package-lock.json ## time forests in three.js, by the processor or (ARGS=--card) by a graphics card (ten minutes)
+	@tools/prerequisites.sh chromium
+	@mkdir -p docs/bench
+	.venv/bin/python bench/frame_times.py $(ARGS)
 
 .PHONY: viewer
 viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browser: http://localhost:8000/shaders/viewer/

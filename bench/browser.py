@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -18,15 +18,16 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 FILES = "/files/"
 
-# No sandbox, because root has none; the page is our own. SwiftShader needs no graphics card and renders the same
-# everywhere.
+# No sandbox, because root has none; the page is our own.
 CHROMIUM = [
     *("chromium", "--headless", "--no-sandbox", "--disable-gpu-sandbox", "--disable-dev-shm-usage"),
-    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
-    *("--enable-unsafe-webgpu", "--use-webgpu-adapter=swiftshader"),
     *("--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"),
-    *("--disable-quic", "--remote-debugging-port=0"),
+    *("--disable-quic", "--remote-debugging-port=0", "--use-gl=angle", "--enable-unsafe-webgpu"),
 ]
+PROCESSOR = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--use-webgpu-adapter=swiftshader")
+"""SwiftShader needs no graphics card and renders the same everywhere."""
+CARD = ("--use-angle=vulkan", "--enable-features=Vulkan", "--disable-vulkan-surface", "--ignore-gpu-blocklist")
+"""The graphics card by Vulkan, which needs no display."""
 
 
 class BrowserError(Exception):
@@ -66,15 +67,17 @@ class _Handler(SimpleHTTPRequestHandler):
         """Log nothing."""
 
 
-def ask(page: str, question: object, *, patience: float, files: Path | None = None) -> Any:
+def ask(
+    page: str, question: object, *, patience: float, files: Path | None = None, drawn_by: Sequence[str] = PROCESSOR
+) -> Any:
     """Open `page`, a path in the repository, and return the JSON that it posts to /answer.
 
-    The page reads `question` (JSON) from /question and the folder `files` under `FILES`. Raises `BrowserError` for an
-    answer {"error": …}, and if there is no answer within `patience` seconds.
+    The page reads `question` (JSON) from /question and the folder `files` under `FILES`. `drawn_by`: `PROCESSOR` or
+    `CARD`. Raises `BrowserError` for an answer {"error": …}, and if there is no answer within `patience` seconds.
     """
     answers: queue.Queue[bytes] = queue.Queue()
     handler = partial(_Handler, question=json.dumps(question).encode(), answers=answers, files=files)
-    with _serving(handler) as address, _browser(f"{address}/{page}") as browser:
+    with _serving(handler) as address, _browser(f"{address}/{page}", drawn_by) as browser:
         answer = json.loads(_first(answers, browser, patience))
     if "error" in answer:
         raise BrowserError(f"{page} failed: {answer['error']}")
@@ -104,10 +107,10 @@ def _serving(handler: Any) -> Iterator[str]:
 
 
 @contextmanager
-def _browser(address: str) -> Iterator[subprocess.Popen[bytes]]:
+def _browser(address: str, drawn_by: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
     """Run Chromium at `address` during the block, with a temporary profile."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [*CHROMIUM, f"--user-data-dir={profile}", address]
+        command = [*CHROMIUM, *drawn_by, f"--user-data-dir={profile}", address]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
             try:
                 yield browser

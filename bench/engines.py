@@ -9,9 +9,8 @@ usage: python bench/engines.py [--quick] [--only SECTION] [TREE.glb …]
 - A level in the engine beside the same level of the .blend in Cycles, from the same camera, without shading, with 4 × 4
   samples.
 - Bytes of the files for each engine, with the validator's errors and warnings, for planned and for all effects.
-- Milliseconds of a picture in three.js for 1, 100 and 1,000 trees.
 
-Writes docs/bench/engines.md for all trees. `--quick` leaves out the files and the milliseconds, and writes nothing.
+Writes docs/bench/engines.md for all trees. `--quick` leaves out the files, and writes nothing.
 `--only` measures one section of the document and keeps the others.
 """
 
@@ -36,6 +35,7 @@ from commits import measured_commit
 from flat_views import make_flat
 from mathutils import Vector
 from numpy.typing import NDArray
+from sections import sections_of
 
 from leafcloud import flip_map
 from leafcloud.inspection import flip_near
@@ -57,7 +57,6 @@ TRANSCODER = "/engines/babylon/node_modules/@babylonjs/core/assets/Basis"
 PROFILES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 SAMPLES = 4
 """Samples along a pixel's side of the leaves in the tables of distances."""
-COUNTS = (1, 100, 1000)
 UNKNOWN = ("VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT")
 """What the validator says of each KTX2 image: it does not know the format."""
 DIRECTIONS = [
@@ -94,10 +93,6 @@ a tree has one.
     "Files": """\
 Kilobytes of the leaves' own file, of each level's file, and of all levels in one file. The validator does not know
 KTX2: its two warnings about each such image do not count.
-""",
-    "Forests": """\
-Milliseconds of a picture of 720² pixels in three.js, drawn by the processor, and the triangles that are drawn.
-*Pruned*: leaves are left out from 10 R on.
 """,
 }
 """The sections of the document, with their introductions."""
@@ -383,33 +378,6 @@ def issues(files: Sequence[Path]) -> int:
     return sum(issue["code"] not in UNKNOWN or "/images/" not in issue["pointer"] for issue in serious)
 
 
-def forest_rows(tree: Path) -> Iterator[list[str]]:
-    """Yield the milliseconds of pictures of forests."""
-    file = bake(tree, "three")
-    centre, radius = sphere_of(levels_of(file)[0])
-    for count in COUNTS:
-        places = grid(count, 2.6 * radius)
-        away = np.array([0.0, 2.0, 3.0]) * radius
-        view = {"eye": (centre + away).tolist(), "target": (centre - [0.0, 0.0, 8.0 * radius]).tolist(), "fov": 50.0}
-        asked = {"code": code_of("three", 1), "places": places, "views": [view], "side": 720}
-        row = [tree.stem, f"{count:,}"]
-        for settings in ({"level": 0, "byHand": None}, {}, {"pruneStart": 10.0 * radius, "pruneHalf": 0.5}):
-            [found] = pictures("three", file, settings=settings, **asked)
-            row.append(f"{found['milliseconds']:,.0f} ({found['triangles']:,})")
-        yield row
-
-
-def grid(count: int, step: float) -> list[list[float]]:
-    """Return matrices, as rows, of trees in front of the camera."""
-    side = math.ceil(math.sqrt(count))
-    places = []
-    for i in range(count):
-        place = np.eye(4)
-        place[:3, 3] = (i % side - side // 2) * step, 0.0, -(i // side) * step
-        places.append(place.ravel().tolist())
-    return places
-
-
 def table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
     return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
@@ -427,18 +395,10 @@ def section(name: str, trees: Sequence[Path]) -> str:
     elif name == "Beside Cycles":
         names = ["tree", "level", "crown", *ENGINES]
         rows = [row for tree in trees for row in cycles_rows(tree)]
-    elif name == "Files":
+    else:
         names = ["tree", "engine", "effects", "leaves", "levels", "whole chain", "errors and warnings"]
         rows = [row for tree in trees for row in file_rows(tree)]
-    else:
-        names = ["tree", "trees", "leaves only", "levels", "levels, pruned"]
-        rows = list(forest_rows(trees[0]))
     return f"## {name}\n\n{HEADS[name]}\nMeasured at {commit}.\n\n{table(names, rows)}"
-
-
-def sections_of(document: str) -> dict[str, str]:
-    """Return the sections of a document by their names."""
-    return {each.partition("\n")[0]: f"## {each.rstrip()}\n" for each in document.split("\n## ")[1:]}
 
 
 def main() -> None:
@@ -446,13 +406,13 @@ def main() -> None:
     parser.add_argument(
         "trees", nargs="*", type=Path, help="GLB files (default: pine, oak and fir of ../shared/foliage)"
     )
-    parser.add_argument("--quick", action="store_true", help="leave out the files and the milliseconds")
+    parser.add_argument("--quick", action="store_true", help="leave out the files")
     parser.add_argument("--only", choices=HEADS, help="measure this section alone; the document keeps the others")
     arguments = parser.parse_args()
     usual = [FOLIAGE / f"{name}.glb" for name in TREES]
     wanted = [arguments.only] if arguments.only else list(HEADS)[: 3 if arguments.quick else None]
     document = ROOT / "docs" / "bench" / "engines.md"
-    found = sections_of(document.read_text(encoding="utf-8")) if arguments.only and document.exists() else {}
+    found = sections_of(document) if arguments.only else {}
     for name in wanted:
         found[name] = section(name, arguments.trees or usual)
         print(found[name], flush=True)

@@ -1,0 +1,128 @@
+"""Times forests in three.js, by the processor or by a graphics card: `make bench-frame-times`.
+
+usage: python bench/frame_times.py [--bake | --card]
+
+Bakes pine, oak and fir of ../shared/foliage for three.js into target/frame_times, and times pictures of 1, 100 and
+1,000 trees in Chromium without a display (bench/three/frames.js): of the leaves only, of the levels, and of the levels
+with pruning. Writes one section of docs/bench/frame_times.md, and keeps those of other renderers.
+
+`--bake` only bakes. `--card` draws by the graphics card, through Vulkan, the trees that an earlier call has baked, and
+up to 10,000 of them: it needs only Python, Chromium and these files. The processor does not draw the fir.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from browser import CARD, PROCESSOR, ROOT, ask
+from commits import measured_commit
+from sections import sections_of
+
+FOLIAGE = ROOT.parent / "shared" / "foliage"
+BAKED = ROOT / "target" / "frame_times"
+COMMIT = BAKED / "commit"
+DOCUMENT = ROOT / "docs" / "bench" / "frame_times.md"
+SIZE = (1920, 1080)
+PATIENCE = 900.0
+VIEWS = {"near": {"above": 2.0, "behind": 3.0}, "far": {"above": 10.0, "behind": 40.0}}
+"""Places of the eye in crown radii, above and behind the first tree."""
+WAYS = {"leaves only": {"level": 0}, "levels": {}, "levels, pruned": {"pruneStart": 10.0, "pruneHalf": 0.5}}
+"""Settings of the forest, with `pruneStart` in crown radii."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What one kind of renderer draws."""
+
+    drawn_by: Sequence[str]
+    trees: Sequence[str]
+    counts: Sequence[int]
+    pictures: int
+
+
+LIGHT = ("pine_cards_20k", "oak_cards_11k")
+HEAVY = "douglas_fir_105k"
+"""1,000 of it are minutes of work for a processor."""
+BY_PROCESSOR = Plan(PROCESSOR, LIGHT, (1, 100, 1000), 3)
+BY_CARD = Plan(CARD, (*LIGHT, HEAVY), (1, 100, 1000, 10_000), 15)
+
+INTRODUCTION = """# Frame times
+
+Made by `make bench-frame-times` with three.js in Chromium: milliseconds of a picture of 1,920 × 1,080 pixels, without
+antialiasing, with a sun without shadows, until a pixel of it was read; the median of several pictures. *Card*: the time
+of the graphics card alone, as the browser reports it. Trees stand in a square, 2.6 R apart. *Near*: the camera is
+2 R above the first tree and 3 R behind it. *Far*: 10 R above and 40 R behind. All distances suit 1,080 rows, so near
+trees are drawn as leaf meshes in all three ways. *Pruned*: leaves are left out from 10 R on. In parentheses: millions
+of triangles.
+"""
+
+
+def bake() -> None:
+    """Bake the trees, and note the commit."""
+    for name in BY_CARD.trees:
+        command = [sys.executable, str(ROOT / "bake.py"), "--input", str(FOLIAGE / f"{name}.glb")]
+        subprocess.run([*command, "--out", str(BAKED), "--engine", "three"], check=True, capture_output=True)
+    COMMIT.write_text(measured_commit())
+
+
+def measured(plan: Plan) -> tuple[str, list[list[str]]]:
+    """Return the name of the renderer and the rows of the table."""
+    renderer, rows = "", []
+    for name, count in itertools.product(plan.trees, plan.counts):
+        question = {
+            "tree": f"/files/{name}.glb",
+            "count": count,
+            "size": SIZE,
+            "pictures": plan.pictures,
+            "views": list(VIEWS.values()),
+            "ways": list(WAYS.values()),
+        }
+        answer = ask("bench/three/frames.html", question, patience=PATIENCE, files=BAKED, drawn_by=plan.drawn_by)
+        renderer = answer["renderer"]
+        for view, times in zip(VIEWS, answer["times"], strict=True):
+            rows.append([name, f"{count:,}", view, *(shown(**way) for way in times)])
+            print(*rows[-1], sep=" | ", flush=True)
+    return renderer, rows
+
+
+def shown(frame: float, card: float | None, triangles: int) -> str:
+    """Return one cell: milliseconds, those of the card, and millions of triangles."""
+    own = "" if card is None else f", card {card:,.2f}"
+    return f"{frame:,.1f}{own} ({triangles / 1e6:,.2f})"
+
+
+def section(renderer: str, rows: Sequence[Sequence[str]]) -> str:
+    """Return the section of one renderer."""
+    head = ["tree", "trees", "view", *WAYS]
+    lines = ["| " + " | ".join(row) + " |" for row in (head, *rows)]
+    lines.insert(1, "|" + "---|" * len(head))
+    return f"## {renderer}\n\nMeasured at {COMMIT.read_text()}.\n\n" + "\n".join(lines) + "\n"
+
+
+def write(made: str) -> None:
+    """Write a section into the document, in place of the one of the same renderer."""
+    name = made.partition("\n")[0].removeprefix("## ")
+    parts = {**sections_of(DOCUMENT), name: made}
+    DOCUMENT.write_text("\n".join([INTRODUCTION, *parts.values()]), encoding="utf-8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Time pictures of forests in three.js.")
+    only = parser.add_mutually_exclusive_group()
+    only.add_argument("--bake", action="store_true", help="only bake the trees")
+    only.add_argument("--card", action="store_true", help="draw by the graphics card what an earlier call has baked")
+    arguments = parser.parse_args()
+    if not arguments.card:
+        bake()
+    if arguments.bake:
+        return
+    write(section(*measured(BY_CARD if arguments.card else BY_PROCESSOR)))
+
+
+if __name__ == "__main__":
+    main()
