@@ -26,8 +26,8 @@ CHROMIUM = [
 ]
 PROCESSOR = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--use-webgpu-adapter=swiftshader")
 """SwiftShader needs no graphics card and renders the same everywhere."""
-CARD = ("--use-angle=vulkan", "--enable-features=Vulkan", "--disable-vulkan-surface", "--ignore-gpu-blocklist")
-"""The graphics card by Vulkan, which needs no display."""
+CARD = ("--use-angle=gl-egl", "--ignore-gpu-blocklist")
+"""The graphics card by EGL, which needs no display. By Vulkan an NVIDIA H100 lost its context in the first picture."""
 
 
 class BrowserError(Exception):

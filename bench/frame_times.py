@@ -6,14 +6,13 @@ Bakes pine, oak and fir of ../shared/foliage for three.js into target/frame_time
 1,000 trees in Chromium without a display (bench/three/frames.js): of the leaves only, of the levels, and of the levels
 with pruning. Writes one section of docs/bench/frame_times.md, and keeps those of other renderers.
 
-`--bake` only bakes. `--card` draws by the graphics card, through Vulkan, the trees that an earlier call has baked, and
-up to 10,000 of them: it needs only Python, Chromium and these files. The processor does not draw the fir.
+`--bake` only bakes. `--card` draws by the graphics card the trees that an earlier call has baked, and 10,000 of the
+small ones: it needs only Python, Chromium and these files. The processor does not draw the fir.
 """
 
 from __future__ import annotations
 
 import argparse
-import itertools
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -31,56 +30,65 @@ SIZE = (1920, 1080)
 PATIENCE = 900.0
 VIEWS = {"near": {"above": 2.0, "behind": 3.0}, "far": {"above": 10.0, "behind": 40.0}}
 """Places of the eye in crown radii, above and behind the first tree."""
-WAYS = {"leaves only": {"level": 0}, "levels": {}, "levels, pruned": {"pruneStart": 10.0, "pruneHalf": 0.5}}
-"""Settings of the forest, with `pruneStart` in crown radii."""
+PRUNED = "pruned"
+"""Folder of the bakes with pruning."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What one kind of renderer draws."""
+    """Pictures by one kind of renderer. `counts`: numbers of trees by the tree's name."""
 
     drawn_by: Sequence[str]
-    trees: Sequence[str]
-    counts: Sequence[int]
+    counts: dict[str, Sequence[int]]
     pictures: int
 
 
-LIGHT = ("pine_cards_20k", "oak_cards_11k")
-HEAVY = "douglas_fir_105k"
-"""1,000 of it are minutes of work for a processor."""
-BY_PROCESSOR = Plan(PROCESSOR, LIGHT, (1, 100, 1000), 3)
-BY_CARD = Plan(CARD, (*LIGHT, HEAVY), (1, 100, 1000, 10_000), 15)
+FEW = (1, 100, 1000)
+MANY = (*FEW, 10_000)
+PINE, OAK, FIR = "pine_cards_20k", "oak_cards_11k", "douglas_fir_105k"
+BY_PROCESSOR = Plan(PROCESSOR, {PINE: FEW, OAK: FEW}, 3)
+BY_CARD = Plan(CARD, {PINE: MANY, OAK: MANY, FIR: FEW}, 15)
 
 INTRODUCTION = """# Frame times
 
 Made by `make bench-frame-times` with three.js in Chromium: milliseconds of a picture of 1,920 × 1,080 pixels, without
-antialiasing, with a sun without shadows, until a pixel of it was read; the median of several pictures. *Card*: the time
-of the graphics card alone, as the browser reports it. Trees stand in a square, 2.6 R apart. *Near*: the camera is
-2 R above the first tree and 3 R behind it. *Far*: 10 R above and 40 R behind. All distances suit 1,080 rows, so near
-trees are drawn as leaf meshes in all three ways. *Pruned*: leaves are left out from 10 R on. In parentheses: millions
-of triangles.
+antialiasing, with a sun without shadows, until a pixel of it was read; the median of several pictures. *Drawing*:
+those of the card or of SwiftShader alone, as the browser reports them. Trees stand in a square, 2.6 R apart. *Near*:
+the camera is 2 R above the first tree and 3 R behind it. *Far*: 10 R above and 40 R behind. All distances suit 1,080
+rows, so near trees are drawn as leaf meshes in all three ways. *Levels, pruned*: baked with `--chain both`. In
+parentheses: millions of triangles; those of pruned leaves collapse in the shader and still count.
 """
 
 
 def bake() -> None:
-    """Bake the trees, and note the commit."""
-    for name in BY_CARD.trees:
-        command = [sys.executable, str(ROOT / "bake.py"), "--input", str(FOLIAGE / f"{name}.glb")]
-        subprocess.run([*command, "--out", str(BAKED), "--engine", "three"], check=True, capture_output=True)
+    """Bake the trees without and with pruning, and note the commit."""
+    for name in BY_CARD.counts:
+        command = [sys.executable, str(ROOT / "bake.py"), "--input", str(FOLIAGE / f"{name}.glb"), "--engine", "three"]
+        for chain, out in {"billboards": BAKED, "both": BAKED / PRUNED}.items():
+            subprocess.run([*command, "--chain", chain, "--out", str(out)], check=True, capture_output=True)
     COMMIT.write_text(measured_commit())
 
 
+def ways_of(name: str) -> dict[str, dict[str, object]]:
+    """Return the files and levels to draw, by the heads of the table."""
+    whole, pruned = f"/files/{name}.glb", f"/files/{PRUNED}/{name}.glb"
+    return {
+        "leaves only": {"tree": whole, "level": 0},
+        "levels": {"tree": whole, "level": None},
+        "levels, pruned": {"tree": pruned, "level": None},
+    }
+
+
 def measured(plan: Plan) -> tuple[str, list[list[str]]]:
-    """Return the name of the renderer and the rows of the table."""
-    renderer, rows = "", []
-    for name, count in itertools.product(plan.trees, plan.counts):
+    """Return the name of the renderer and the table, its head first."""
+    renderer, rows = "", [["tree", "trees", "view", *ways_of("")]]
+    for name, count in ((name, count) for name, counts in plan.counts.items() for count in counts):
         question = {
-            "tree": f"/files/{name}.glb",
             "count": count,
             "size": SIZE,
             "pictures": plan.pictures,
             "views": list(VIEWS.values()),
-            "ways": list(WAYS.values()),
+            "ways": list(ways_of(name).values()),
         }
         answer = ask("bench/three/frames.html", question, patience=PATIENCE, files=BAKED, drawn_by=plan.drawn_by)
         renderer = answer["renderer"]
@@ -90,17 +98,16 @@ def measured(plan: Plan) -> tuple[str, list[list[str]]]:
     return renderer, rows
 
 
-def shown(frame: float, card: float | None, triangles: int) -> str:
-    """Return one cell: milliseconds, those of the card, and millions of triangles."""
-    own = "" if card is None else f", card {card:,.2f}"
+def shown(frame: float, drawing: float | None, triangles: int) -> str:
+    """Return one cell: milliseconds, those of drawing, and millions of triangles."""
+    own = "" if drawing is None else f", drawing {drawing:,.2f}"
     return f"{frame:,.1f}{own} ({triangles / 1e6:,.2f})"
 
 
 def section(renderer: str, rows: Sequence[Sequence[str]]) -> str:
     """Return the section of one renderer."""
-    head = ["tree", "trees", "view", *WAYS]
-    lines = ["| " + " | ".join(row) + " |" for row in (head, *rows)]
-    lines.insert(1, "|" + "---|" * len(head))
+    lines = ["| " + " | ".join(row) + " |" for row in rows]
+    lines.insert(1, "|" + "---|" * len(rows[0]))
     return f"## {renderer}\n\nMeasured at {COMMIT.read_text()}.\n\n" + "\n".join(lines) + "\n"
 
 

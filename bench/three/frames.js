@@ -1,11 +1,11 @@
 // Times three.js drawing a forest, as a game would: the levels switch by themselves.
 //
-// The question is {tree, count, size, pictures, views: [{above, behind}], ways: [settings]}: the file, the number of trees, the
-// picture's width and height in pixels, the pictures to time, the places of the eye above and behind the first tree, and for
-// each way the settings of the forest. Distances are in crown radii. The answer is {renderer, times}: who draws, and for each
-// view and way {frame, card, triangles}. `frame`: the median of the milliseconds of a picture, until a pixel of it was read;
-// `card`: the median of those that the renderer reports, or null; `triangles`: those drawn. Ways take turns, so that other load
-// on the machine affects all of them.
+// The question is {count, size, pictures, views: [{above, behind}], ways: [{tree, level}]}: the number of trees, the picture's
+// width and height in pixels, the pictures to time, the places of the eye above and behind the first tree in crown radii, and
+// for each way the file and the only level to draw, or null for the level for the distance. The answer is {renderer, times}:
+// who draws, and for each view and way {frame, drawing, triangles}. `frame`: the median of the milliseconds of a picture, until a
+// pixel of it was read; `drawing`: the median of those of the renderer alone, or null; `triangles`: those drawn. Ways take
+// turns, so that other load on the machine affects all of them.
 import * as THREE from "three";
 import { Forest, LeafcloudLoader } from "/engines/three/src/index.js";
 
@@ -24,10 +24,10 @@ function placesOf(count, radius) {
   });
 }
 
-function sceneOf(forest) {
+function sceneOf(forests) {
   const sun = new THREE.DirectionalLight(0xfff4e0, 2.5);
   sun.position.set(2, 3, 1);
-  return new THREE.Scene().add(forest, new THREE.HemisphereLight(0xdcecff, 0x6a6a50, 2), sun);
+  return new THREE.Scene().add(...forests, new THREE.HemisphereLight(0xdcecff, 0x6a6a50, 2), sun);
 }
 
 function cameraFor({ centre, radius }, [width, height], { above, behind }) {
@@ -37,12 +37,7 @@ function cameraFor({ centre, radius }, [width, height], { above, behind }) {
   return camera;
 }
 
-/** Settings with distances in the units of the forest. */
-function inUnits(way, radius) {
-  return way.pruneStart ? { ...way, pruneStart: way.pruneStart * radius } : way;
-}
-
-/** Draws one picture; returns its milliseconds and the query of the card's time. */
+/** Draws one picture; returns its milliseconds and the query of the time of drawing. */
 function drawn({ renderer, scene, forest, camera }, timer) {
   const gl = renderer.getContext();
   const query = timer && gl.createQuery();
@@ -70,41 +65,48 @@ async function newForest(url, count, renderer) {
   return new Forest(tree, placesOf(count, tree.radius));
 }
 
-/** Draws all ways in turns; returns {frame, card, triangles} for each. */
-async function timesOf(stage, ways, pictures, timer) {
-  const { renderer, forest } = stage;
-  const usual = { ...forest.settings };
-  const found = ways.map(() => ({ frames: [], cards: [], triangles: 0 }));
+/** Forests by file. */
+async function forestsOf(ways, count, renderer) {
+  const files = [...new Set(ways.map(({ tree }) => tree))];
+  return new Map(await Promise.all(files.map(async (file) => [file, await newForest(file, count, renderer)])));
+}
+
+/** Draws all ways in turns; returns {frame, drawing, triangles} for each. */
+async function timesOf({ renderer, scene, forests, camera }, ways, pictures, timer) {
+  const found = ways.map(() => ({ frames: [], drawings: [], triangles: 0 }));
   for (let round = -WARM_UP; round < pictures; round++) {
-    for (const [i, way] of ways.entries()) {
-      Object.assign(forest.settings, usual, inUnits(way, forest.radius));
-      const { milliseconds, query } = drawn(stage, timer);
-      const card = query && (await resultOf(renderer.getContext(), query));
+    for (const [i, { tree, level }] of ways.entries()) {
+      forests.forEach((each, file) => (each.visible = file === tree));
+      const forest = forests.get(tree);
+      forest.settings.level = level;
+      const { milliseconds, query } = drawn({ renderer, scene, forest, camera }, timer);
+      const drawing = query && (await resultOf(renderer.getContext(), query));
       if (round < 0) continue;
       found[i].frames.push(milliseconds);
-      if (query) found[i].cards.push(card);
+      if (query) found[i].drawings.push(drawing);
       found[i].triangles = renderer.info.render.triangles;
     }
   }
-  Object.assign(forest.settings, usual);
-  return found.map(({ frames, cards, triangles }) => ({
+  return found.map(({ frames, drawings, triangles }) => ({
     frame: median(frames),
-    card: cards.length > 0 ? median(cards) : null,
+    drawing: drawings.length > 0 ? median(drawings) : null,
     triangles,
   }));
 }
 
-async function answerTo({ tree, count, size, pictures, views, ways }) {
+async function answerTo({ count, size, pictures, views, ways }) {
   const renderer = new THREE.WebGLRenderer({ antialias: false, powerPreference: "high-performance" });
   renderer.setPixelRatio(1);
   renderer.setSize(...size);
+  renderer.domElement.addEventListener("webglcontextlost", () => answer({ error: "the renderer lost its context" }));
   const gl = renderer.getContext();
   const timer = gl.getExtension("EXT_disjoint_timer_query_webgl2");
-  const forest = await newForest(tree, count, renderer);
-  const scene = sceneOf(forest);
+  const forests = await forestsOf(ways, count, renderer);
+  const scene = sceneOf(forests.values());
   const times = [];
   for (const view of views) {
-    times.push(await timesOf({ renderer, forest, scene, camera: cameraFor(forest, size, view) }, ways, pictures, timer));
+    const camera = cameraFor(forests.get(ways[0].tree), size, view);
+    times.push(await timesOf({ renderer, scene, forests, camera }, ways, pictures, timer));
   }
   return { renderer: gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL), times };
 }
