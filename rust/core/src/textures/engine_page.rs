@@ -137,9 +137,12 @@ impl Keeping<'_> {
 
 /// Returns whether mip levels keep the area of the first as before, or better.
 fn keeps_areas(before: Vec<f64>, now: Vec<f64>) -> bool {
-    let keeps =
-        |(before, now): (f64, f64)| (before.min(1.0) - AREA_SLACK..=before.max(1.0) + AREA_SLACK).contains(&now);
-    before.into_iter().zip(now).all(keeps)
+    before.into_iter().zip(now).all(|(before, now)| keeps(before, now, AREA_SLACK))
+}
+
+/// Returns whether a ratio that should be 1 stays between that before and 1, or leaves this range by at most `slack`.
+pub fn keeps(before: f64, now: f64, slack: f64) -> bool {
+    (before.min(1.0) - slack..=before.max(1.0) + slack).contains(&now)
 }
 
 /// Returns the squared error of the coverage: a denser first level must not make up for a sparser last one.

@@ -24,7 +24,7 @@ use crate::foliage::{AlphaMode, Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::lod::billboards::billboards;
 use crate::metrics::View;
-use crate::textures::LightGrid;
+use crate::textures::{LightGrid, keeps};
 
 /// Billboards with a page for engines.
 pub struct OnMips<'a> {
@@ -180,8 +180,7 @@ const COVERAGE_SLACK: f64 = 0.03;
 
 impl Look {
     fn keeps_coverage_of(&self, first: &Self) -> bool {
-        let (low, high) = (first.coverage.min(1.0) - COVERAGE_SLACK, first.coverage.max(1.0) + COVERAGE_SLACK);
-        (low..=high).contains(&self.coverage)
+        keeps(first.coverage, self.coverage, COVERAGE_SLACK)
     }
 }
 
