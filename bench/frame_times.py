@@ -7,7 +7,8 @@ Bakes pine, oak and fir of ../shared/foliage for three.js into target/frame_time
 with pruning. Writes one section of docs/bench/frame_times.md, and keeps those of other renderers.
 
 `--bake` only bakes. `--card` draws by the graphics card the trees that an earlier call has baked, and 10,000 of the
-small ones: it needs only Python, Chromium and these files. The processor does not draw the fir.
+small ones: besides these files it needs only the repository with its package for three.js installed, Python and
+Chromium. The processor does not draw the fir.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ COMMIT = BAKED / "commit"
 DOCUMENT = ROOT / "docs" / "bench" / "frame_times.md"
 SIZE = (1920, 1080)
 PATIENCE = 900.0
-VIEWS = {"near": {"above": 2.0, "behind": 3.0}, "far": {"above": 10.0, "behind": 40.0}}
-"""Places of the eye in crown radii, above and behind the first tree."""
+VIEWS = {"near": {"above": 2.0, "before": 3.0}, "far": {"above": 10.0, "before": 40.0}}
+"""Places of the eye in crown radii, above and in front of the middle tree of the first row."""
 PRUNED = "pruned"
 """Folder of the bakes with pruning."""
 
@@ -54,9 +55,11 @@ INTRODUCTION = """# Frame times
 Made by `make bench-frame-times` with three.js in Chromium: milliseconds of a picture of 1,920 × 1,080 pixels, without
 antialiasing, with a sun without shadows, until a pixel of it was read; the median of several pictures. *Drawing*:
 those of the card or of SwiftShader alone, as the browser reports them. Trees stand in a square, 2.6 R apart. *Near*:
-the camera is 2 R above the first tree and 3 R behind it. *Far*: 10 R above and 40 R behind. All distances suit 1,080
-rows, so near trees are drawn as leaf meshes in all three ways. *Levels, pruned*: baked with `--chain both`. In
-parentheses: millions of triangles; those of pruned leaves collapse in the shader and still count.
+the camera is 2 R above the middle tree of the first row and 3 R in front of it. *Far*: 10 R above and 40 R in front.
+It looks at a point 8 R behind that tree. All distances suit 1,080 rows, so near trees are drawn as leaf meshes in any
+way. *Leaves only*: level 0 at all distances, with the shader that collapses far leaves onto their planes. *Levels,
+pruned*: baked with `--chain both`. In parentheses: millions of triangles. Those of leaves that are pruned on the
+nearest tree are not drawn; others collapse in the shader and count.
 """
 
 
@@ -108,7 +111,7 @@ def section(renderer: str, rows: Sequence[Sequence[str]]) -> str:
     """Return the section of one renderer."""
     lines = ["| " + " | ".join(row) + " |" for row in rows]
     lines.insert(1, "|" + "---|" * len(rows[0]))
-    return f"## {renderer}\n\nMeasured at {COMMIT.read_text()}.\n\n" + "\n".join(lines) + "\n"
+    return f"## {renderer}\n\nBaked at {COMMIT.read_text()}.\n\n" + "\n".join(lines) + "\n"
 
 
 def write(made: str) -> None:

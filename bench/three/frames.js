@@ -1,7 +1,7 @@
 // Times three.js drawing a forest, as a game would: the levels switch by themselves.
 //
-// The question is {count, size, pictures, views: [{above, behind}], ways: [{tree, level}]}: the number of trees, the picture's
-// width and height in pixels, the pictures to time, the places of the eye above and behind the first tree in crown radii, and
+// The question is {count, size, pictures, views: [{above, before}], ways: [{tree, level}]}: the number of trees, the picture's
+// width and height in pixels, the pictures to time, the places of the eye above and in front of the first row in crown radii, and
 // for each way the file and the only level to draw, or null for the level for the distance. The answer is {renderer, times}:
 // who draws, and for each view and way {frame, drawing, triangles}. `frame`: the median of the milliseconds of a picture, until a
 // pixel of it was read; `drawing`: the median of those of the renderer alone, or null; `triangles`: those drawn. Ways take
@@ -30,9 +30,9 @@ function sceneOf(forests) {
   return new THREE.Scene().add(...forests, new THREE.HemisphereLight(0xdcecff, 0x6a6a50, 2), sun);
 }
 
-function cameraFor({ centre, radius }, [width, height], { above, behind }) {
+function cameraFor({ centre, radius }, [width, height], { above, before }) {
   const camera = new THREE.PerspectiveCamera(50, width / height, radius / 10, 1000 * radius);
-  camera.position.copy(centre).add(new THREE.Vector3(0, above, behind).multiplyScalar(radius));
+  camera.position.copy(centre).add(new THREE.Vector3(0, above, before).multiplyScalar(radius));
   camera.lookAt(centre.x, centre.y, centre.z - AHEAD * radius);
   return camera;
 }
@@ -53,7 +53,9 @@ function drawn({ renderer, scene, forest, camera }, timer) {
 /** Milliseconds of a query; results arrive only after the page has given control back. */
 async function resultOf(gl, query) {
   while (!gl.getQueryParameter(query, gl.QUERY_RESULT_AVAILABLE)) await new Promise((resume) => setTimeout(resume, 1));
-  return gl.getQueryParameter(query, gl.QUERY_RESULT) / 1e6;
+  const milliseconds = gl.getQueryParameter(query, gl.QUERY_RESULT) / 1e6;
+  gl.deleteQuery(query);
+  return milliseconds;
 }
 
 function median(values) {
@@ -80,6 +82,7 @@ async function timesOf({ renderer, scene, forests, camera }, ways, pictures, tim
       const forest = forests.get(tree);
       forest.settings.level = level;
       const { milliseconds, query } = drawn({ renderer, scene, forest, camera }, timer);
+      if (renderer.getContext().isContextLost()) throw new Error("the renderer lost its context");
       const drawing = query && (await resultOf(renderer.getContext(), query));
       if (round < 0) continue;
       found[i].frames.push(milliseconds);

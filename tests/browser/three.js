@@ -3,8 +3,8 @@
 // The question is {code, file, renderer, side, views, seconds, places, copies, settings, sun, mips}. `code`: a module's text that uses
 // `renderer`, `scene`, `camera` and `places`, and loads "pine.glb", for which `file` is read. `renderer`: "webgl" (the default)
 // for WebGLRenderer, "webgl2" or "webgpu" for that backend of WebGPURenderer. Each of the `views` {eye, target, fov, settings,
-// seconds} gives a picture of `side` × `side` bytes RGBA, lowest row first, the number of drawn triangles and the milliseconds
-// of the second drawing; its own settings and seconds replace the common ones. `places`: rows of matrices of a forest. With
+// seconds} gives a picture of `side` × `side` bytes RGBA, lowest row first, and the number of drawn triangles
+// and draw calls; its own settings and seconds replace the common ones. `places`: rows of matrices of a forest. With
 // `copies` in place of the code, a copy of the tree stands at each place. `sun`: the position of a light that casts shadows,
 // beside a dim one from everywhere. `mips`: false to draw cut-out PNG textures without mip levels. Without views the answer is
 // {lacking}: why the renderer cannot run here, or null.
@@ -139,14 +139,10 @@ async function answerTo(question) {
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
     loop(now);
-    await pixelsOf(renderer, 1);
     renderer.info.reset();
-    const begin = performance.now();
     loop(now);
     const { triangles, calls, drawCalls = calls } = renderer.info.render;
-    await pixelsOf(renderer, 1); // Waits until the picture is done.
-    const milliseconds = performance.now() - begin;
-    pictures.push({ milliseconds, pixels: await pixelsOf(renderer, side), triangles, calls: drawCalls });
+    pictures.push({ pixels: await pixelsOf(renderer, side), triangles, calls: drawCalls });
   }
   if (failures.length > 0) throw new Error(failures.join("\n"));
   return pictures;

@@ -137,11 +137,11 @@ impl Keeping<'_> {
 
 /// Returns whether mip levels keep the area of the first as before, or better.
 fn keeps_areas(before: Vec<f64>, now: Vec<f64>) -> bool {
-    before.into_iter().zip(now).all(|(before, now)| keeps(before, now, AREA_SLACK))
+    before.into_iter().zip(now).all(|(before, now)| keeps_ratio(before, now, AREA_SLACK))
 }
 
-/// Returns whether a ratio that should be 1 stays between that before and 1, or leaves this range by at most `slack`.
-pub fn keeps(before: f64, now: f64, slack: f64) -> bool {
+/// Returns whether a ratio lies between that before and 1, or at most `slack` outside.
+pub fn keeps_ratio(before: f64, now: f64, slack: f64) -> bool {
     (before.min(1.0) - slack..=before.max(1.0) + slack).contains(&now)
 }
 

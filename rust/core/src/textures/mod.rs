@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 pub use channels::Channel;
 pub(crate) use dilate::{fill_gaps, fill_transparent};
-pub(crate) use engine_page::keeps;
+pub(crate) use engine_page::keeps_ratio;
 pub use engine_page::{EnginePage, Pictured, Sight};
 pub(crate) use light_grid::{LightGrid, light};
 pub use page::{Channels, Page};

@@ -24,7 +24,7 @@ use crate::foliage::{AlphaMode, Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::lod::billboards::billboards;
 use crate::metrics::View;
-use crate::textures::{LightGrid, keeps};
+use crate::textures::{LightGrid, keeps_ratio};
 
 /// Billboards with a page for engines.
 pub struct OnMips<'a> {
@@ -180,7 +180,7 @@ const COVERAGE_SLACK: f64 = 0.03;
 
 impl Look {
     fn keeps_coverage_of(&self, first: &Self) -> bool {
-        keeps(first.coverage, self.coverage, COVERAGE_SLACK)
+        keeps_ratio(first.coverage, self.coverage, COVERAGE_SLACK)
     }
 }
 
