@@ -46,8 +46,8 @@ ENGINES = """## Pages for engines
 
 [Files for engines](../decisions/engine_textures.md) halve and filter textures again. These are the same levels with the
 page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over, drawn at each size
-with the mip level that has texels of about a pixel. All pages are refined on their mip levels, those of *off* in half
-as many steps.
+with the mip level that has texels of about a pixel. Pages are refined on their mip levels, those of *off* in half
+as many steps, unless no refined page passes its tests.
 Engines draw the level at that size and smaller. Coverage is measured at 64². *off*: FLIP at {sizes}; *short*, *long*:
 relative to *off*."""
 
