@@ -35,7 +35,7 @@ from commits import measured_commit
 from flat_views import make_flat
 from mathutils import Vector
 from numpy.typing import NDArray
-from sections import sections_of
+from sections import sections_of, table
 
 from leafcloud import flip_map
 from leafcloud.inspection import flip_near
@@ -376,11 +376,6 @@ def issues(files: Sequence[Path]) -> int:
     run = subprocess.run(command, cwd=ROOT / "tests" / "gltf_validator", capture_output=True, text=True, check=True)
     serious = [issue for found in json.loads(run.stdout).values() for issue in found if issue["severity"] < 2]
     return sum(issue["code"] not in UNKNOWN or "/images/" not in issue["pointer"] for issue in serious)
-
-
-def table(names: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(names) + " |", "|" + "---|" * len(names)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
 
 
 def section(name: str, trees: Sequence[Path]) -> str:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 from browser import CARD, PROCESSOR, ROOT, ask
 from commits import measured_commit
-from sections import sections_of
+from sections import sections_of, table
 
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 BAKED = ROOT / "target" / "frame_times"
@@ -108,10 +108,8 @@ def shown(frame: float, drawing: float | None, triangles: int) -> str:
 
 
 def section(renderer: str, rows: Sequence[Sequence[str]]) -> str:
-    """Return the section of one renderer."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    lines.insert(1, "|" + "---|" * len(rows[0]))
-    return f"## {renderer}\n\nBaked at {COMMIT.read_text()}.\n\n" + "\n".join(lines) + "\n"
+    """Return the section of one renderer. `rows`: the head first."""
+    return f"## {renderer}\n\nBaked at {COMMIT.read_text()}.\n\n{table(rows[0], rows[1:])}"
 
 
 def write(made: str) -> None:

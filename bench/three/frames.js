@@ -10,7 +10,7 @@ import * as THREE from "three";
 import { Forest, LeafcloudLoader } from "/engines/three/src/index.js";
 
 const WARM_UP = 1;
-/** Crown radii from tree to tree, and from the first tree to the point in the middle of the picture. */
+/** Crown radii from tree to tree, and from the middle tree of the first row to the point in the middle of the picture. */
 const STEP = 2.6;
 const AHEAD = 8.0;
 
