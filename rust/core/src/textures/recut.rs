@@ -2,6 +2,8 @@
 //!
 //! Two lines through a pivot: alpha from 0 to the pivot becomes 0 to the new cutoff, alpha from there to 1 becomes the new cutoff to 1.
 //! Edges have another slope then, and bilinear filtering moves them. So the pivot is the one that keeps the area: within the step of a code.
+//! Where alpha goes from 0 to 1 between two texels, no pivot moves the edge. Then alpha becomes smaller in proportion to the cutoffs, which keeps
+//! all edges if the new cutoff is the lower one, but spends fewer codes on them.
 
 use super::mips::code_at_least;
 use super::parts::{PagePart, apart, together};
@@ -24,13 +26,19 @@ pub fn recut(page: &Image, parts: &[PagePart], cutoffs: &[f32]) -> Image {
 fn recut_part(page: Image, part: &PagePart, cutoff: f32) -> Image {
     let (alpha, width, polygons) = (page.alpha(), page.width(), part.polygons(page.width(), PLACES));
     let area = polygons.share(&alpha, width, code_at_least(part.alpha_cutoff));
-    let at = |pivot: f32| {
-        let table = table(pivot, cutoff);
-        alpha.iter().map(|&code| table[code as usize]).collect::<Vec<u8>>()
-    };
     let code = code_at_least(cutoff);
-    let pivot = least(0.0, 1.0, HALVINGS, |pivot| polygons.share(&at(pivot), width, code) <= area);
-    page.with_alpha(at(pivot))
+    let mapped = |table: [u8; 256]| alpha.iter().map(|&code| table[code as usize]).collect::<Vec<u8>>();
+    let share = |alpha: &[u8]| polygons.share(alpha, width, code);
+    let pivot = least(0.0, 1.0, HALVINGS, |pivot| share(&mapped(table(pivot, cutoff))) <= area);
+    let [bent, scaled] = [table(pivot, cutoff), scale(cutoff / part.alpha_cutoff)].map(mapped);
+    let error = |alpha: &[u8]| (share(alpha) - area).abs();
+    let kept = if error(&bent) <= error(&scaled) { bent } else { scaled };
+    page.with_alpha(kept)
+}
+
+/// Returns the table that multiplies codes of alpha.
+fn scale(factor: f32) -> [u8; 256] {
+    std::array::from_fn(|code| quantise(factor * code as f32 / 255.0))
 }
 
 /// Returns the table that maps codes of alpha linearly: 0 to the pivot becomes 0 to `cutoff`, the pivot to 1 becomes `cutoff` to 1.
@@ -68,7 +76,12 @@ mod tests {
     #[test]
     fn each_part_keeps_its_area_at_another_cutoff() {
         // A soft disc in each half of the page, with different cutoffs.
-        let disc = |x: f64, y: f64| 1.3 - (x - 31.5).hypot(y - 31.5) / 20.0;
+        check(|x, y| 1.3 - (x - 31.5).hypot(y - 31.5) / 20.0, [0.6, 0.1]);
+        // Hard discs.
+        check(|x, y| f64::from(u8::from((x - 31.5).hypot(y - 31.5) < 5.0)), [0.1, 0.2]);
+    }
+
+    fn check(disc: impl Fn(f64, f64) -> f64, cutoffs: [f32; 2]) {
         let pixels = |i: usize| [30, 90, 20, quantise(disc((i % 128 % 64) as f64, (i / 128) as f64) as f32)];
         let page = Image::new(128, 64, (0..128 * 64).map(pixels).collect::<Vec<_>>()).unwrap();
         let part = |x: usize, alpha_cutoff: f32| PagePart {
@@ -78,12 +91,12 @@ mod tests {
             drawn: (0..128 * 64).map(|i| f32::from(u8::from(i % 128 / 64 == x / 64))).collect(),
             first_seen: 0,
         };
-        let other = recut(&page, &[part(0, 0.3), part(64, 0.8)], &[0.6, 0.1]);
+        let other = recut(&page, &[part(0, 0.3), part(64, 0.8)], &cutoffs);
         let half = |image: &Image, x: usize| -> Vec<u8> {
             let rows = image.pixels().chunks(128);
             rows.flat_map(|row| row[x..x + 64].iter().map(|pixel| pixel[3])).collect()
         };
-        for (x, before, after) in [(0, 0.3, 0.6), (64, 0.8, 0.1)] {
+        for (x, before, after) in [(0, 0.3, cutoffs[0]), (64, 0.8, cutoffs[1])] {
             let [own, found] =
                 [(&page, before), (&other, after)].map(|(image, cutoff)| mask::area(&half(image, x), 64, cutoff, 1));
             assert!((found / own - 1.0).abs() < 0.02, "{found} beside {own}");
