@@ -59,13 +59,18 @@ SAMPLES = 4
 """Samples along a pixel's side of the leaves in the tables of distances."""
 UNKNOWN = ("VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT")
 """What the validator says of each KTX2 image: it does not know the format."""
-DIRECTIONS = [
-    (math.cos(2.4 * i) * math.sqrt(1.0 - up * up), up, math.sin(2.4 * i) * math.sqrt(1.0 - up * up))
-    for i, up in enumerate(np.linspace(-0.1, 0.8, 8).tolist())
-]
-"""From the tree to the eyes, Y-up."""
+SURE, MOST_TURNS = 60.0, 16
+"""Height in pixels of crowns whose coverage eight pictures tell; most times as many pictures of smaller ones."""
 
 Picture = NDArray[np.float64]
+
+
+def directions(turns: int = 1) -> list[tuple[float, float, float]]:
+    """Return eight directions from the tree to the eyes for each turn, Y-up."""
+    ups = enumerate(np.linspace(-0.1, 0.8, 8 * turns).tolist())
+    flat = ((i, up, math.sqrt(1.0 - up * up)) for i, up in ups)
+    return [(math.cos(2.4 * i) * across, up, math.sin(2.4 * i) * across) for i, up, across in flat]
+
 
 INTRODUCTION = """# Engines
 
@@ -75,10 +80,10 @@ antialiasing.
 """
 HEADS = {
     "Hand-overs": """\
-Each level beside the one before it, from the same eight places. *Pixels*: covered by the level before. *FLIP*: mean
-within 4 pixels of the tree. Limits: coverage 0.95 to 1.05, luminance 0.97 to 1.03. *There*, *2 ×*, *4 ×*: coverage of
-the tree as it is drawn behind the hand-over, and so many times as far away, over that of the leaves with 4 × 4
-samples a pixel; limits 0.9 to 1.1.
+Each level beside the one before it, from the same places: eight, or more where the crown has less than 60 pixels.
+*Pixels*: covered by the level before. *FLIP*: mean within 4 pixels of the tree. Limits: coverage 0.95 to 1.05,
+luminance 0.97 to 1.03. *There*, *2 ×*, *4 ×*: coverage of the tree as it is drawn behind the hand-over, and so many
+times as far away, over that of the leaves with 4 × 4 samples a pixel; limits 0.9 to 1.1.
 """,
     "Frames": """\
 FLIP between two pictures of a tree that switches by itself, in the square around the crown, while the camera moves by
@@ -102,13 +107,14 @@ KTX2: its two warnings about each such image do not count.
 class View:
     """Views of a tree from `distance`, with as many pixels for the tree as in a picture of `ROWS`.
 
-    side: of the picture in pixels. fov: its field of view in degrees.
+    side: of the picture in pixels. fov: its field of view in degrees. turns: eighths of the number of pictures.
     """
 
     distance: float
     centre: NDArray[np.float64]
     side: int
     fov: float
+    turns: int = 1
 
     @staticmethod
     def of(distance: float, level: Node, samples: int = 1) -> View:
@@ -120,9 +126,14 @@ class View:
         half = tangent * side / rows
         return View(distance, centre, side, math.degrees(2.0 * math.atan(half)))
 
+    def in_more_turns(self, level: Node) -> View:
+        """Return the views with more of them where few pixels show the crown."""
+        crown = ROWS * sphere_of(level)[1] / self.distance / math.tan(math.radians(25.0))
+        return replace(self, turns=min(max(round((SURE / crown) ** 2), 1), MOST_TURNS))
+
     @property
     def question(self) -> dict[str, Any]:
-        eyes = [self.centre + self.distance * np.array(direction) for direction in DIRECTIONS]
+        eyes = [self.centre + self.distance * np.array(direction) for direction in directions(self.turns)]
         views = [{"eye": eye.tolist(), "target": self.centre.tolist(), "fov": self.fov} for eye in eyes]
         return {"side": self.side, "views": views}
 
@@ -206,7 +217,7 @@ def hand_over_rows(tree: Path, engine: str) -> Iterator[list[str]]:
     file = bake(tree, "babylon" if engine == KTX2 else engine)
     levels = levels_of(file)
     for number, distance in enumerate(hand_overs(levels)):
-        view = View.of(distance, levels[0])
+        view = View.of(distance, levels[0]).in_more_turns(levels[0])
         before, after = (drawn(engine, file, view, level=level) for level in (number, number + 1))
         far = [coverage_at(tree, engine, file, times * distance) for times in (1.26, 2.0, 4.0)]
         yield [
@@ -249,14 +260,16 @@ def leaves_from(tree: Path, distance: float) -> float:
     Without mip levels, so that the textures themselves decide.
     """
     base = bake(tree, "three")
-    fine = View.of(distance, levels_of(base)[0], SAMPLES)
+    level = levels_of(base)[0]
+    fine = View.of(distance, level, SAMPLES).in_more_turns(level)
     leaves = drawn("three", base, fine, mips=False, level=0, byHand={"transition": 0.0, "keep": 1.0})
     return coverage(leaves) * (fine.side / SAMPLES) ** 2
 
 
 def coverage_at(tree: Path, engine: str, file: Path, distance: float) -> float:
     """Return the coverage of the tree as it is drawn from a distance, over that of its leaves."""
-    view = View.of(distance, levels_of(file)[0])
+    level = levels_of(file)[0]
+    view = View.of(distance, level).in_more_turns(level)
     return coverage(drawn(engine, file, view)) * view.side**2 / leaves_from(tree, distance)
 
 
@@ -312,7 +325,7 @@ def in_cycles(file: Path, view: View) -> Picture:
     scene.camera = camera
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        for number, (x, y, z) in enumerate(DIRECTIONS):
+        for number, (x, y, z) in enumerate(directions()):
             direction = Vector((x, -z, y))
             middle = Vector((view.centre[0], -view.centre[2], view.centre[1]))
             camera.location = middle + view.distance * direction

@@ -1,4 +1,6 @@
-//! The pages of a level for engines: one image for engines that make mip levels, and mip levels for files that bring their own.
+//! The pages of a level for engines: one image for engines that make mip levels, and mip levels for files that bring their own. Both are refined
+//! by pictures. Trilinear filters mix two mip levels, and the mean of two patterns shows less than each of them at a high cutoff, and more at
+//! a low one: so mip levels of files get their coverage from the coarsest to the finest, half of it alone and half of it mixed with the next.
 
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
@@ -9,13 +11,13 @@ use super::billboards::billboards;
 use super::cross;
 use super::level::Level;
 use super::refine::{LeafPictures, OnMips};
-use super::tune::TONES;
+use super::tune::{self, TONES};
 use crate::atlas::{Atlas, Region};
 use crate::error::Result;
 use crate::foliage::{AlphaMode, Image, Material};
 use crate::geometry::Frame;
 use crate::metrics::Reference;
-use crate::textures::{EnginePage, PagePart, Pictured, Sight, cut_outs, mips, recut};
+use crate::textures::{EnginePage, LightGrid, PagePart, Pictured, Sight, cut_outs, mips, recut, table, tone};
 
 /// Pages for engines, by the number of halvings, each made when it is first wanted.
 pub(super) type EnginePages = [OnceLock<EnginePage>; MOST_HALVINGS + 1];
@@ -33,6 +35,13 @@ const MOST_HALVINGS: usize = 3;
 
 /// Number of steps that refine a page by pictures. Refined levels take twice as many.
 const STEPS: usize = 4;
+
+/// Coverage of the mip levels of files, relative to the leaves. Engines draw leaf meshes with mip levels and one sample a pixel, which cover 5
+/// to 7 % more than the leaves with many samples: this is between both.
+const MIP_COVERAGE: f64 = 1.02;
+
+/// Greatest error of ln coverage of a mip level.
+const MIP_COVERAGE_ERROR: f64 = 0.01;
 
 /// A tree on an atlas page.
 #[derive(Clone, Debug)]
@@ -61,18 +70,34 @@ impl Sharer {
         }
     }
 
-    /// Returns the page of the billboards, refined on its mip levels.
-    fn refined(&self, image: Image, cutoff: f32) -> Result<Image> {
-        let Some(pictures) = &self.refine_by else { return Ok(image) };
-        let on_mips = OnMips {
-            atlas: &self.atlas,
-            frame: &self.frame,
-            material: &self.material,
-            cutoff,
-            pictures,
-            steps: self.steps,
+    /// Returns the refinement of an image and so many mip levels, if there are pictures.
+    fn on_mips(&self, cutoff: f32, mips: usize) -> Option<OnMips<'_>> {
+        let Self { atlas, frame, material, refine_by, steps, .. } = self;
+        refine_by.as_ref().map(|pictures| OnMips { atlas, frame, material, cutoff, pictures, steps: *steps, mips })
+    }
+
+    /// Returns a mip level of a file, refined, with the coverage and the mean color of the leaves; unchanged if no picture shows it. `coarser`: the
+    /// next level, with which trilinear filters mix it.
+    fn settled(&self, image: Image, coarser: Option<&Image>, cutoff: f32) -> Result<Image> {
+        let Some(alone) = self.on_mips(cutoff, 1).filter(|alone| alone.sees(&image)) else { return Ok(image) };
+        let image = alone.refined(image)?;
+        let coarser = coarser.map(LightGrid::of);
+        let recut = |pivot: f64| {
+            let table = table(pivot as f32, cutoff);
+            image.mapped(|[r, g, b, alpha]| [r, g, b, table[alpha as usize]])
         };
-        on_mips.refined(image)
+        let excess = |pivot: f64| {
+            let image = recut(pivot);
+            let between = coarser.as_ref().map(|coarser| LightGrid::of(&image).halfway(coarser));
+            let seen = between.into_iter().chain([image]).map(|image| Ok(self.sight(image, cutoff)?.coverage));
+            let seen = seen.collect::<Result<Vec<f64>>>()?;
+            let mean = seen.iter().sum::<f64>() / seen.len() as f64;
+            Ok(libm::log(mean.max(1e-9) / MIP_COVERAGE))
+        };
+        let pivot = tune::least_excess(f64::from(cutoff), tune::CUTOFF_RANGE, MIP_COVERAGE_ERROR, excess)?;
+        let image = recut(pivot);
+        let tone = self.sight(image.clone(), cutoff)?.tone;
+        Ok(tone::scaled(&image, tone))
     }
 
     /// Returns how the billboards look with another page.
@@ -91,7 +116,10 @@ impl Pictured for [Sharer] {
     }
 
     fn refined(&self, part: usize, image: Image, cutoff: f32) -> Result<Image> {
-        self[part].refined(image, cutoff)
+        match self[part].on_mips(cutoff, usize::MAX) {
+            Some(on_mips) => on_mips.refined(image),
+            None => Ok(image),
+        }
     }
 }
 
@@ -128,13 +156,20 @@ impl Level {
         if self.alpha_cutoff == 0.0 {
             return Some(mips::means(&self.page.base_color).into_iter().map(whole).collect());
         }
-        let cutoffs = &self.engine_page(halvings).cutoffs;
-        let parts: Vec<PagePart> = self.sharers().iter().map(|sharer| sharer.part.clone()).collect();
+        Some(self.color_mips(&self.engine_page(halvings).cutoffs))
+    }
+
+    /// Returns the mip levels of base color with these cutoffs, one for each tree on the page.
+    fn color_mips(&self, cutoffs: &[f32]) -> Vec<Mip> {
+        let sharers = self.sharers();
+        let parts: Vec<PagePart> = sharers.iter().map(|sharer| sharer.part.clone()).collect();
         let with_cutoff = |(part, &alpha_cutoff): (&PagePart, &f32)| PagePart { alpha_cutoff, ..part.clone() };
         let image = recut(&self.page.base_color, &parts, cutoffs);
         let parts: Vec<PagePart> = parts.iter().zip(cutoffs).map(with_cutoff).collect();
-        let levels = mips::of_parts(&image, &parts).into_iter().enumerate();
-        Some(levels.map(|(number, image)| Mip { cut_outs: cut_outs(&parts, number, &image), image }).collect())
+        let settled = |part: usize, image, coarser: Option<&_>| sharers[part].settled(image, coarser, cutoffs[part]);
+        let levels = mips::of_parts(&image, &parts, settled).expect("the level was drawn before").into_iter();
+        let mip = |(number, image)| Mip { cut_outs: cut_outs(&parts, number, &image), image };
+        levels.enumerate().map(mip).collect()
     }
 
     /// Returns all trees on the page, this one among them.

@@ -109,7 +109,7 @@ pub fn cutoff(atlas: &Atlas, page: &Page, frame: &Frame, double_sided: bool, bef
 }
 
 /// Greatest error of ln coverage against the leaves.
-const COVERAGE_ERROR: f64 = 0.0025;
+pub const COVERAGE_ERROR: f64 = 0.0025;
 
 /// First guess for the change of ln coverage with the cutoff, which secants correct; most steps of the search.
 const SLOPE: f64 = -0.4;
@@ -128,7 +128,7 @@ pub fn matched(
     leaves: &Reference,
 ) -> Result<f32> {
     let excess = |cutoff: f64| excess(leaves, atlas, frame, page.material(cutoff as f32, double_sided));
-    Ok(least_excess(f64::from(cutoff), CUTOFF_RANGE, excess)? as f32)
+    Ok(least_excess(f64::from(cutoff), CUTOFF_RANGE, COVERAGE_ERROR, excess)? as f32)
 }
 
 /// Returns the page of blended billboards with alpha changed so that they cover as much as the leaves. Light passes the page as if it were
@@ -139,7 +139,7 @@ pub fn matched(
 pub fn blended(atlas: &Atlas, page: &Page, frame: &Frame, double_sided: bool, leaves: &Reference) -> Result<Page> {
     let of = |clearness: f64| page.clone().thickened(1.0 / clearness);
     let excess = |clearness: f64| excess(leaves, atlas, frame, of(clearness).material(0.0, double_sided));
-    Ok(of(least_excess(1.0, CLEARNESS_RANGE, excess)?))
+    Ok(of(least_excess(1.0, CLEARNESS_RANGE, COVERAGE_ERROR, excess)?))
 }
 
 /// Returns ln of the billboards' coverage over that of the leaves. Uniformly faint leaves are drawn entirely or not at all; the logarithm
@@ -148,16 +148,17 @@ fn excess(leaves: &Reference, atlas: &Atlas, frame: &Frame, material: Material) 
     leaves.agreement(&billboards(atlas, frame, material)?).map(|agreement| libm::log(agreement.coverage.max(1e-9)))
 }
 
-/// Returns the value of the least |excess| found; `excess` falls as the value rises. Uses secants until the sign changes, then regula
-/// falsi, then bisection after two steps from the same side: uniformly faint leaves drop from too much to nothing within one code of alpha.
-pub fn least_excess(start: f64, range: (f64, f64), excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
+/// Returns a value at which |excess| is at most `error`, or the one of the least |excess| found; `excess` falls as the value rises. Uses secants
+/// until the sign changes, then regula falsi, then bisection after two steps from the same side: uniformly faint leaves drop from too much to
+/// nothing within one code of alpha.
+pub fn least_excess(start: f64, range: (f64, f64), error: f64, excess: impl Fn(f64) -> Result<f64>) -> Result<f64> {
     let mut here = (start, excess(start)?);
     let mut best = here;
     let (mut dense, mut sparse) = ((range.0.min(start), None), (range.1.max(start), None));
     let mut slope = SLOPE;
     let mut same = 0;
     for _ in 0..MOVES {
-        if best.1.abs() <= COVERAGE_ERROR {
+        if best.1.abs() <= error {
             break;
         }
         let end = if here.1 > 0.0 { &mut dense } else { &mut sparse };
@@ -240,7 +241,7 @@ mod tests {
         let curves: [&dyn Fn(f64) -> Result<f64>; 3] = [&line, &step, &tail];
         for (number, excess) in curves.into_iter().enumerate() {
             for start in [0.05, 0.1, 0.25, 0.5, 0.6] {
-                let left = excess(least_excess(start, CUTOFF_RANGE, excess).unwrap()).unwrap();
+                let left = excess(least_excess(start, CUTOFF_RANGE, COVERAGE_ERROR, excess).unwrap()).unwrap();
                 assert!(left.abs() <= COVERAGE_ERROR, "curve {number} from {start}: {left} is left");
             }
         }
@@ -249,7 +250,7 @@ mod tests {
     #[test]
     fn the_nearest_cutoff_is_found_if_none_keeps_coverage() {
         let thin = |cutoff: f64| Ok(-0.2 - cutoff);
-        let found = least_excess(0.5, CUTOFF_RANGE, thin).unwrap();
+        let found = least_excess(0.5, CUTOFF_RANGE, COVERAGE_ERROR, thin).unwrap();
         assert!((found - CUTOFF_RANGE.0).abs() < 0.01, "{found}");
     }
 }

@@ -54,16 +54,51 @@ impl LightGrid {
 
     /// Returns the color at a point, between its four texels, with 1; zeros where nothing is drawn.
     pub fn color_at(&self, point: &Vec4) -> Vec4 {
-        if point.w == 0.0 {
-            return Vec4::ZERO;
-        }
+        if point.w == 0.0 { Vec4::ZERO } else { self.at(point.x, 1.0 - point.y).truncate().extend(1.0) }
+    }
+
+    /// Returns the image halfway between this mip level and the next coarser one, as trilinear filters see it.
+    pub fn halfway(&self, coarser: &Self) -> Image {
         let Canvas { width, height, pixels } = &self.0;
-        let place = |coordinate: f32, size: usize| (coordinate * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
-        let (x, y) = (place(point.x, *width), place(1.0 - point.y, *height));
+        let mean = |(index, texel): (usize, &Vec4)| {
+            let (column, row) = (index % width, index / width);
+            let there = coarser.at((column as f32 + 0.5) / *width as f32, (row as f32 + 0.5) / *height as f32);
+            0.5 * (*texel + there)
+        };
+        let pixels = pixels.par_iter().enumerate().map(mean).collect();
+        Self(Canvas { width: *width, height: *height, pixels }).to_image()
+    }
+
+    /// Returns what lies between four texels; `right` and `down` are shares of the image.
+    fn at(&self, right: f32, down: f32) -> Vec4 {
+        let Canvas { width, height, pixels } = &self.0;
+        let place = |share: f32, size: usize| (share * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
+        let (x, y) = (place(right, *width), place(down, *height));
         let (left, top) = (x as usize, y as usize);
         let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
         let texel = |column: usize, row: usize| pixels[row * width + column];
         let across = |row: usize| texel(left, row).lerp(texel(right, row), x - left as f32);
-        across(top).lerp(across(bottom), y - top as f32).truncate().extend(1.0)
+        across(top).lerp(across(bottom), y - top as f32)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_image_between_two_mip_levels_has_the_mean_of_both() {
+        let gray = |[code, alpha]: [u8; 2]| [code, code, code, alpha];
+        let fine: Vec<[u8; 4]> = (0..4 * 4).map(|i| gray([if i % 4 < 2 { 0 } else { 255 }, 200])).collect();
+        let fine = LightGrid::of(&Image::new(4, 4, fine).unwrap());
+        let coarse = Image::new(2, 2, [[0, 100], [255, 0], [0, 100], [255, 0]].map(gray).to_vec()).unwrap();
+        let found = fine.halfway(&LightGrid::of(&coarse));
+        // Centers of the four columns lie at 0, 1/4, 3/4 and 1 of the way from one coarse column to the other.
+        let alpha: Vec<u8> = found.pixels()[..4].iter().map(|pixel| pixel[3]).collect();
+        assert_eq!(alpha, [150, 138, 113, 100]);
+        let light: Vec<f32> = found.pixels()[..4].iter().map(|&pixel| light(pixel).x).collect();
+        for (found, wanted) in light.into_iter().zip([0.0, 0.125, 0.875, 1.0]) {
+            assert!((found - wanted).abs() < 0.005, "{found} in place of {wanted}");
+        }
     }
 }

@@ -29,22 +29,36 @@ use super::parts::{PagePart, apart, together};
 use super::raster::Canvas;
 use crate::atlas::Region;
 use crate::color::quantise;
+use crate::error::Result;
 use crate::foliage::{Image, mask};
 
 /// Mip levels of an image, level 0 first; each has half the side, down to one texel.
 pub type Levels = Vec<Image>;
 
-/// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself.
-#[must_use]
-pub fn of_parts(image: &Image, parts: &[PagePart]) -> Levels {
-    let pages = apart(image, parts);
-    let mut levels: Vec<_> =
-        pages.iter().zip(parts).map(|(page, part)| of_part(page, part, usize::MAX).into_iter()).collect();
+/// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself. `settled` changes the
+/// mip levels of a part, given by its place, and is told the next coarser one as it has changed it.
+///
+/// # Errors
+/// Those of `settled`.
+pub fn of_parts(
+    image: &Image,
+    parts: &[PagePart],
+    settled: impl Fn(usize, Image, Option<&Image>) -> Result<Image>,
+) -> Result<Levels> {
+    let of_page = |(number, (page, part)): (usize, (Image, &PagePart))| {
+        let mut levels = Levels::new();
+        for level in of_part(&page, part, usize::MAX).into_iter().rev() {
+            levels.push(settled(number, level, levels.last())?);
+        }
+        Ok(levels.into_iter().rev())
+    };
+    let pages = apart(image, parts).into_iter().zip(parts);
+    let mut levels = pages.enumerate().map(of_page).collect::<Result<Vec<_>>>()?;
     let level = |number: usize| {
         let of_each: Vec<Image> = levels.iter_mut().filter_map(Iterator::next).collect();
         (!of_each.is_empty()).then(|| together(of_each, parts, number))
     };
-    (0..).map_while(level).collect()
+    Ok((0..).map_while(level).collect())
 }
 
 /// Returns the mip levels of base color with alpha that keeps the share of each region at or above the cutoff. Polygons cover the regions.

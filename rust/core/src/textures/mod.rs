@@ -19,7 +19,7 @@ mod raster;
 mod recut;
 mod samples;
 mod sky;
-mod tone;
+pub(crate) mod tone;
 
 use std::time::Instant;
 
@@ -38,6 +38,7 @@ pub use raster::{
     Canvas, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_seen, rasterise, seen_among,
 };
 pub use recut::recut;
+pub(crate) use recut::table;
 pub use samples::Samples;
 pub(crate) use sky::Shadow;
 #[cfg(test)]

@@ -220,14 +220,14 @@ fn tuned(
         let alpha = alphas(&thicker(clearness).base_color);
         excess(&|rays, _| rays.silhouette(rays.alphas(&alpha).into_iter()))
     };
-    let page = thicker(tune::least_excess(1.0, tune::CLEARNESS_RANGE, blended)?);
+    let page = thicker(tune::least_excess(1.0, tune::CLEARNESS_RANGE, tune::COVERAGE_ERROR, blended)?);
     let alpha = alphas(&page.base_color);
     let samples: Vec<Vec<f32>> = rays.iter().map(|rays| rays.alphas(&alpha)).collect();
     let cut = |cutoff: f64| {
         let opaque = |alpha: &f32| draw::opaque_from(*alpha, cutoff as f32);
         excess(&|rays, view| rays.silhouette(samples[view].iter().map(opaque)))
     };
-    let cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, cut)? as f32;
+    let cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, tune::COVERAGE_ERROR, cut)? as f32;
     let pages = draw::Pages::new(layout, &page.base_color, normal_depth);
     let drawn = rays.iter().map(|rays| pages.flat(rays, 0.0)).collect::<Result<_>>()?;
     let tone = leaves.beside(drawn, None).tone();

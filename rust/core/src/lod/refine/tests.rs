@@ -233,18 +233,33 @@ fn a_gain_counts_only_if_no_size_loses() {
     assert!(!none.is_better_than(&none));
 }
 
-/// Errors and mean colors of a page for engines on its mip levels, in views that no refinement uses.
-fn on_mip_levels(foliage: &Foliage, level: &Level, image: &Image, cutoff: f32) -> Vec<(f64, f32)> {
-    let look = |(number, mip): (usize, LightGrid)| {
+/// A mip level in views that no refinement uses.
+struct MipSeen {
+    error: f64,
+    coverage: f64,
+    tone: f32,
+}
+
+/// Looks at mip levels, the first of them in views of 96 pixels.
+fn mips_seen(foliage: &Foliage, level: &Level, mips: impl Iterator<Item = Image>, cutoff: f32) -> Vec<MipSeen> {
+    let look = |(number, mip): (usize, Image)| {
         let views = Views { count: 6, size: 96 >> number, samples: Samples::new(4).unwrap(), up: DVec3::Z, turn: 0.13 };
         let leaves = Reference::new(&[foliage], foliage.frame(), views).unwrap();
         let alpha_mode = crate::AlphaMode::Mask(cutoff);
-        let image = Some(mip.to_image());
-        let material = Material { image, alpha_mode, ..level.page.material(cutoff, !level.two_sided) };
+        let material = Material { image: Some(mip), alpha_mode, ..level.page.material(cutoff, !level.two_sided) };
         let pictures = leaves.compare(&billboards(&level.atlas, &level.frame, material).unwrap()).unwrap();
-        (error(&pictures), pictures.tone().y)
+        MipSeen { error: error(&pictures), coverage: pictures.coverage(), tone: pictures.tone().y }
     };
-    LightGrid::of(image).levels(3).enumerate().map(look).collect()
+    mips.enumerate().map(look).collect()
+}
+
+/// Looks at a page for engines on its first mip levels.
+fn page_seen(foliage: &Foliage, level: &Level, page: &Image, cutoff: f32) -> Vec<MipSeen> {
+    mips_seen(foliage, level, LightGrid::of(page).levels(3).map(|mip| mip.to_image()), cutoff)
+}
+
+fn without_pictures(level: &Level) -> Level {
+    Level { refine_by: None, engine: std::sync::Arc::default(), ..level.clone() }
 }
 
 #[test]
@@ -252,12 +267,29 @@ fn pages_for_engines_become_more_like_the_leaves_on_all_mip_levels() {
     let foliage = bush(400);
     for (effort, most) in [(Refinement::Off, 0.99), (Refinement::Short, 0.98)] {
         let refined = level(&foliage, effort);
-        let plain = Level { refine_by: None, engine: std::sync::Arc::default(), ..refined.clone() };
-        let [old, new] = [&plain, &refined].map(|level| {
-            let (image, cutoff) = level.for_engines(1);
-            on_mip_levels(&foliage, level, image, cutoff)
+        let [old, new] = [&without_pictures(&refined), &refined].map(|level| {
+            let (page, cutoff) = level.for_engines(1);
+            page_seen(&foliage, level, page, cutoff)
         });
-        assert!(new.iter().zip(&old).all(|(new, old)| new.0 < most * old.0), "{effort:?}: {new:?} after {old:?}");
+        for (number, (new, old)) in new.iter().zip(&old).enumerate() {
+            assert!(new.error < most * old.error, "{effort:?}, level {number}: {} after {}", new.error, old.error);
+        }
+    }
+}
+
+#[test]
+fn mip_levels_of_files_become_more_like_the_leaves_and_cover_a_little_more() {
+    let foliage = bush(400);
+    let refined = level(&foliage, Refinement::Off);
+    let [old, new] = [&without_pictures(&refined), &refined].map(|level| {
+        let cutoff = level.for_engines(1).1;
+        let mips = level.mips("base_color", 1).unwrap().into_iter().skip(1).take(3).map(|mip| mip.image);
+        mips_seen(&foliage, level, mips, cutoff)
+    });
+    for (number, (new, old)) in new.iter().zip(&old).enumerate() {
+        assert!(new.error < 0.99 * old.error, "level {number}: {} after {}", new.error, old.error);
+        assert!((0.99..1.05).contains(&new.coverage), "level {number}: {} after {}", new.coverage, old.coverage);
+        assert!((new.tone - 1.0).abs() < 0.02, "level {number}: {} after {}", new.tone, old.tone);
     }
 }
 
@@ -285,8 +317,8 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
     let level = level(&foliage, Refinement::Short);
     let kept = level.refine_by.as_ref().unwrap();
     let far = |page: &Image, cutoff: f32| {
-        let of_mip = on_mip_levels(&foliage, &level, page, cutoff).into_iter();
-        of_mip.map(|(_, tone)| (tone - 1.0).abs()).fold(0.0, f32::max)
+        let of_mip = page_seen(&foliage, &level, page, cutoff).into_iter();
+        of_mip.map(|mip| (mip.tone - 1.0).abs()).fold(0.0, f32::max)
     };
     // With small pictures, the first mip levels of the whole page are finer than pixels.
     let sizes = kept.tests.sizes();
@@ -299,6 +331,7 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
             material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
             cutoff,
             steps: 8,
+            mips: usize::MAX,
             pictures: &LeafPictures { steps: kept.steps.of_size(size), tests: kept.tests.of_size(size) },
         };
         assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
