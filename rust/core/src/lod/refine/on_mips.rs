@@ -95,10 +95,10 @@ impl OnMips<'_> {
     /// # Errors
     /// No billboard has an area.
     pub fn refined(&self, image: Image) -> Result<Image> {
-        let seen = self.seen(&image);
-        if seen.is_empty() || image.pixels().len() > MOST_TEXELS {
+        if !self.sees(&image) {
             return Ok(image);
         }
+        let seen = self.seen(&image);
         let mut grid = LightGrid::of(&image);
         let looks = self.looks(&image, &seen)?;
         let first = errors(&looks);
@@ -119,9 +119,9 @@ impl OnMips<'_> {
         Ok(best.0)
     }
 
-    /// Returns whether there are pictures for any mip level of the image.
+    /// Returns whether the image has at most [`MOST_TEXELS`], and pictures for any of its mip levels.
     pub fn sees(&self, image: &Image) -> bool {
-        !self.seen(image).is_empty()
+        image.pixels().len() <= MOST_TEXELS && !self.seen(image).is_empty()
     }
 
     /// Returns for each mip level the pictures in which its texels are nearest to a pixel, if there are any.
