@@ -59,8 +59,10 @@ SAMPLES = 4
 """Samples along a pixel's side of the leaves in the tables of distances."""
 UNKNOWN = ("VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT")
 """What the validator says of each KTX2 image: it does not know the format."""
-SURE, MOST_TURNS = 60.0, 16
-"""Height in pixels of crowns whose coverage eight pictures tell; most times as many pictures of smaller ones."""
+LEAST_CROWN = 60.0
+"""Height of a crown in pixels, at least, for which eight pictures are enough. Smaller crowns need more."""
+MOST_TURNS = 16
+"""Limit of the number of pictures, in eights."""
 
 Picture = NDArray[np.float64]
 
@@ -107,7 +109,7 @@ KTX2: its two warnings about each such image do not count.
 class View:
     """Views of a tree from `distance`, with as many pixels for the tree as in a picture of `ROWS`.
 
-    side: of the picture in pixels. fov: its field of view in degrees. turns: eighths of the number of pictures.
+    side: of the picture in pixels. fov: its field of view in degrees. turns: number of pictures, in eights.
     """
 
     distance: float
@@ -127,9 +129,9 @@ class View:
         return View(distance, centre, side, math.degrees(2.0 * math.atan(half)))
 
     def in_more_turns(self, level: Node) -> View:
-        """Return the views with more of them where few pixels show the crown."""
+        """Return more views of a crown that is small in each picture."""
         crown = ROWS * sphere_of(level)[1] / self.distance / math.tan(math.radians(25.0))
-        return replace(self, turns=min(max(round((SURE / crown) ** 2), 1), MOST_TURNS))
+        return replace(self, turns=min(max(round((LEAST_CROWN / crown) ** 2), 1), MOST_TURNS))
 
     @property
     def question(self) -> dict[str, Any]:

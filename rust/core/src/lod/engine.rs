@@ -36,8 +36,8 @@ const MOST_HALVINGS: usize = 3;
 /// Number of steps that refine a page by pictures. Refined levels take twice as many.
 const STEPS: usize = 4;
 
-/// Coverage of the mip levels of files, relative to the leaves. Engines draw leaf meshes with mip levels and one sample a pixel, which cover 5
-/// to 7 % more than the leaves with many samples: this is between both.
+/// Coverage of the mip levels of files, relative to the leaves. Engines draw leaf meshes with mip levels and one sample a pixel, and
+/// these cover some percent more than the leaves with many samples: this is between both.
 const MIP_COVERAGE: f64 = 1.02;
 
 /// Greatest error of ln coverage of a mip level.
@@ -77,7 +77,7 @@ impl Sharer {
     }
 
     /// Returns a mip level of a file, refined, with the coverage and the mean color of the leaves; unchanged if no picture shows it. `coarser`: the
-    /// next level, with which trilinear filters mix it.
+    /// next level; trilinear filters mix both.
     fn settled(&self, image: Image, coarser: Option<&Image>, cutoff: f32) -> Result<Image> {
         let Some(alone) = self.on_mips(cutoff, 1).filter(|alone| alone.sees(&image)) else { return Ok(image) };
         let image = alone.refined(image)?;

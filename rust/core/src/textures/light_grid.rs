@@ -69,7 +69,7 @@ impl LightGrid {
         Self(Canvas { width: *width, height: *height, pixels }).to_image()
     }
 
-    /// Returns what lies between four texels; `right` and `down` are shares of the image.
+    /// Returns the bilinearly filtered texel at a place: its distances from the left and the upper side, relative to the sides of the image.
     fn at(&self, right: f32, down: f32) -> Vec4 {
         let Canvas { width, height, pixels } = &self.0;
         let place = |share: f32, size: usize| (share * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);

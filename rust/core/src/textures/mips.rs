@@ -36,8 +36,8 @@ use crate::foliage::{Image, mask};
 pub type Levels = Vec<Image>;
 
 /// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself. `settled` changes the
-/// mip levels of a part, given by its place, and is told the next coarser one as it has changed it. So these levels keep areas and low rims only
-/// as far as it does.
+/// mip levels of a part, given by its place, and gets the next coarser one, already changed. Changed levels may have other
+/// areas and rims.
 ///
 /// # Errors
 /// Those of `settled`.

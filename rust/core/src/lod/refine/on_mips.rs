@@ -3,7 +3,7 @@
 //! An engine makes the mip levels itself, so one image has to look like the leaves on all of them. Each step draws the billboards with each mip
 //! level at the size where engines read it, and credits the differences to its texels, as for a page of the .blend file ([`super`]). A texel
 //! of the image moves by the steps of all texels that contain it: the mean of a block answers to the pictures of a coarse level, its details to
-//! those of finer ones. A mip level of a file that has its own is such an image, too, of which nothing is made.
+//! those of finer ones. For files with mip levels of their own, each mip level is refined alone ([`OnMips::mips`] is 1).
 //!
 //! The leaves are drawn once for all levels of a chain: coarser levels are compared with halves of these pictures. Test views decide: the image
 //! counts only if it is better in them on the whole, worse on no mip level, and keeps the coverage on all. Sums have a fixed order. O(steps ·
@@ -191,7 +191,7 @@ impl OnMips<'_> {
 /// How far the coverage of a mip level may leave the range between that before and that of the leaves.
 const COVERAGE_SLACK: f64 = 0.03;
 
-/// How far the coverage may come on the other side of that of the leaves, relative to its former distance.
+/// How far the coverage may cross the coverage of the leaves, relative to its former distance from it.
 const BEYOND: f64 = 0.5;
 
 impl Look {
