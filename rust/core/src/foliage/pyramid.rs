@@ -67,34 +67,30 @@ impl<T: Copy> Pyramid<T> {
         let mut scale = Vec2::new(width as f32, height as f32);
         if width * height > 1 {
             scale /= 2.0;
-            levels.push(halved(width, height, scale, |i| of(source[i]), mean));
+            levels.push(halved(width, scale, source, |texels| mean(texels.map(&of))));
         }
         while let Some(last) = levels.last().filter(|level| level.texels.len() > 1) {
             scale /= 2.0;
-            let next = halved(last.width, last.height, scale, |i| last.texels[i], mean);
+            let next = halved(last.width, scale, &last.texels, mean);
             levels.push(next);
         }
         Self(levels)
     }
 }
 
-fn halved<T: Copy>(
-    width: usize,
-    height: usize,
-    scale: Vec2,
-    at: impl Fn(usize) -> T,
-    mean: fn([T; 4]) -> T,
-) -> PyramidLevel<T> {
-    let (columns, rows) = (width.div_ceil(2), height.div_ceil(2));
-    let row = |y: usize| {
-        let (upper, lower) = (2 * y * width, (2 * y + 1).min(height - 1) * width);
-        let at = &at;
-        (0..columns).map(move |x| {
-            let (left, right) = (2 * x, (2 * x + 1).min(width - 1));
-            mean([at(upper + left), at(upper + right), at(lower + left), at(lower + right)])
-        })
-    };
-    PyramidLevel { width: columns, height: rows, scale, texels: (0..rows).flat_map(row).collect() }
+fn halved<S: Copy, T>(width: usize, scale: Vec2, source: &[S], mean: impl Fn([S; 4]) -> T) -> PyramidLevel<T> {
+    let (columns, rows) = (width.div_ceil(2), (source.len() / width).div_ceil(2));
+    let mut texels = Vec::with_capacity(columns * rows);
+    for both in source.chunks(2 * width) {
+        let (upper, lower) = if both.len() > width { both.split_at(width) } else { (both, both) };
+        let pairs = upper.chunks_exact(2).zip(lower.chunks_exact(2));
+        texels.extend(pairs.map(|(upper, lower)| mean([upper[0], upper[1], lower[0], lower[1]])));
+        if width % 2 == 1 {
+            let (right, lower_right) = (upper[width - 1], lower[width - 1]);
+            texels.push(mean([right, right, lower_right, lower_right]));
+        }
+    }
+    PyramidLevel { width: columns, height: rows, scale, texels }
 }
 
 /// Encoding of an image's codes.
@@ -153,25 +149,35 @@ pub fn of_coverage(image: &Image, mode: AlphaMode, factor: f32) -> Pyramid<u8> {
 pub fn of_greatest_alpha(image: &Image) -> Pyramid<u8> {
     let greatest = |t: [u8; 4]| t.into_iter().max().unwrap_or(0);
     let Pyramid(levels) = Pyramid::new(image.width(), image.height(), image.pixels(), |p: [u8; 4]| p[3], greatest);
-    Pyramid(levels.into_iter().map(|level| spread(&spread(&level, true), false)).collect())
+    Pyramid(levels.into_iter().map(spread).collect())
 }
 
-/// Returns the maximum of each texel and its neighbors along one axis, across the edge. If the edge cuts the last texel, two neighbors
-/// count.
-fn spread(level: &PyramidLevel<u8>, along_rows: bool) -> PyramidLevel<u8> {
-    let (width, height) = (level.width as isize, level.height as isize);
-    let whole = if along_rows { level.scale.x == level.width as f32 } else { level.scale.y == level.height as f32 };
-    let reach = if whole { 1 } else { 2 };
-    let greatest = |i: isize| {
-        let (x, y) = (i % width, i / width);
-        let neighbour = |by: isize| {
-            let (x, y) = if along_rows { (x + by, y) } else { (x, y + by) };
-            level.texels[(y.rem_euclid(height) * width + x.rem_euclid(width)) as usize]
-        };
-        (-reach..=reach).map(neighbour).max().unwrap_or(0)
-    };
-    let texels = (0..width * height).map(greatest).collect();
-    PyramidLevel { width: level.width, height: level.height, scale: level.scale, texels }
+/// Returns the maximum of each texel and its neighbors, across the edges. If an edge cuts the last texel, two neighbors count.
+fn spread(level: PyramidLevel<u8>) -> PyramidLevel<u8> {
+    let PyramidLevel { width, height, scale, mut texels } = level;
+    let reach = |cells: usize, scale: f32| if scale == cells as f32 { 1 } else { 2 };
+    let reach_along = reach(width, scale.x);
+    let mut around = vec![0; width + 2 * reach_along];
+    for row in texels.chunks_exact_mut(width) {
+        for (place, texel) in around.iter_mut().enumerate() {
+            *texel = row[(place + 2 * width - reach_along) % width];
+        }
+        for step in 0..=2 * reach_along {
+            raise(row, &around[step..][..width]);
+        }
+    }
+    let (reach_down, along) = (reach(height, scale.y), texels.clone());
+    for (y, row) in texels.chunks_exact_mut(width).enumerate() {
+        for step in 0..=2 * reach_down {
+            raise(row, &along[(y + 2 * height + step - reach_down) % height * width..][..width]);
+        }
+    }
+    PyramidLevel { width, height, scale, texels }
+}
+
+/// Raises values to those of another row.
+fn raise(row: &mut [u8], other: &[u8]) {
+    row.iter_mut().zip(other).for_each(|(value, &other)| *value = (*value).max(other));
 }
 
 #[cfg(test)]
@@ -240,5 +246,30 @@ mod tests {
             [(3, 2), (2, 1), (1, 1)]
         );
         assert!(of_colors(&image(1, 1, |_| [9; 4]), Encoding::Linear).0.is_empty());
+    }
+
+    #[test]
+    fn the_greatest_alpha_is_that_of_each_texel_and_its_neighbours() {
+        for (width, height) in [(1, 1), (2, 1), (8, 4), (7, 5), (5, 16), (33, 2)] {
+            let image = image(width, height, |i| [0, 0, 0, (i * i * 37 % 251) as u8]);
+            let of = |column: isize, row: isize| {
+                let (x, y) = (column.rem_euclid(width as isize), row.rem_euclid(height as isize));
+                image.pixels()[y as usize * width + x as usize][3]
+            };
+            for (number, level) in of_greatest_alpha(&image).0.iter().enumerate() {
+                let texel = 2isize << number;
+                for (index, &found) in level.texels.iter().enumerate() {
+                    let [x, y] = [index % level.width, index / level.width].map(|place| place as isize * texel);
+                    let near = (y - texel..y + 2 * texel)
+                        .flat_map(|row| (x - texel..x + 2 * texel).map(move |column| (column, row)));
+                    let least = near.map(|(column, row)| of(column, row)).max().unwrap();
+                    assert!(found >= least, "{width} × {height}, level {number}, texel {index}: {found} below {least}");
+                }
+            }
+        }
+        let single = image(16, 16, |i| [0, 0, 0, if i == 5 * 16 + 9 { 200 } else { 0 }]);
+        let first = &of_greatest_alpha(&single).0[0];
+        let shown = |i: usize| [3, 4, 5].contains(&(i % 8)) && [1, 2, 3].contains(&(i / 8));
+        assert!((0..64).all(|i| first.texels[i] == if shown(i) { 200 } else { 0 }));
     }
 }

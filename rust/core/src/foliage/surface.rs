@@ -127,23 +127,24 @@ impl<'a> Surface<'a> {
 
     /// Returns whether the point at the barycentric weights is drawn; partial alpha is drawn if its share is above `threshold`.
     pub fn passes(&self, weights: Vec3, threshold: f32) -> bool {
-        self.passes_at(self.uv(weights), weights, threshold)
+        self.passes_at(self.uv(weights), weights, || threshold)
     }
 
     /// Like [`Self::passes`], for the point `steps` after the point of the same row with the UV `first`.
-    pub fn passes_behind(&self, first: Vec2, steps: usize, weights: Vec3, threshold: f32) -> bool {
+    pub fn passes_behind(&self, first: Vec2, steps: usize, weights: Vec3, threshold: impl FnOnce() -> f32) -> bool {
         self.passes_at(first + self.across * steps as f32, weights, threshold)
     }
 
-    fn passes_at(&self, uv: Vec2, weights: Vec3, threshold: f32) -> bool {
+    // Masks need no threshold, which costs as much as a lookup.
+    fn passes_at(&self, uv: Vec2, weights: Vec3, threshold: impl FnOnce() -> f32) -> bool {
         match self.alpha {
             Alpha::All => true,
             Alpha::Cut(image, cutoff) => self.factor(weights).w * Texels::at(image, uv).alpha() >= cutoff,
-            Alpha::Share(image) => self.factor(weights).w * Texels::at(image, uv).alpha() > threshold,
-            Alpha::Level(level) => f32::from(nearest(level, uv)) > threshold * 255.0,
+            Alpha::Share(image) => self.factor(weights).w * Texels::at(image, uv).alpha() > threshold(),
+            Alpha::Level(level) => f32::from(nearest(level, uv)) > threshold() * 255.0,
             Alpha::Flat => match self.material.alpha_mode {
                 AlphaMode::Mask(cutoff) => self.factor(weights).w >= a_hair_less(cutoff),
-                _ => self.factor(weights).w > threshold,
+                _ => self.factor(weights).w > threshold(),
             },
         }
     }

@@ -37,13 +37,13 @@ impl AlphaLevel {
     /// Returns the four texels around a place on the page, in texels of the page, and the place between them.
     fn around(&self, place: DVec2) -> ([f32; 4], DVec2) {
         let place = place / self.scale - 0.5;
-        let low = place.floor();
-        let at = |x: f64, y: f64| {
-            let column = (low.x + x).clamp(0.0, self.width as f64 - 1.0) as usize;
-            let row = (low.y + y).clamp(0.0, self.height as f64 - 1.0) as usize;
-            f32::from(self.alpha[row * self.width + column])
-        };
-        ([at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0), at(1.0, 1.0)], place - low)
+        // The texel after each coordinate. Casts round down, unlike `floor`, without a function call; places begin at −½.
+        let (x, y) = ((place.x + 1.0) as usize, (place.y + 1.0) as usize);
+        let (left, right) = (x.saturating_sub(1).min(self.width - 1), x.min(self.width - 1));
+        let (top, bottom) = (y.saturating_sub(1).min(self.height - 1), y.min(self.height - 1));
+        let at = |x: usize, y: usize| f32::from(self.alpha[y * self.width + x]);
+        let texels = [at(left, top), at(right, top), at(left, bottom), at(right, bottom)];
+        (texels, place + 1.0 - DVec2::new(x as f64, y as f64))
     }
 
     /// Returns whether anything is drawn between the four texels around a place.
@@ -54,6 +54,9 @@ impl AlphaLevel {
     /// Returns whether a place is drawn.
     fn shows_at(&self, place: DVec2) -> bool {
         let ([a, b, c, d], share) = self.around(place);
+        if a.max(b).max(c.max(d)) < self.least {
+            return false;
+        }
         let (x, y) = (share.x as f32, share.y as f32);
         (a + (b - a) * x) * (1.0 - y) + (c + (d - c) * x) * y >= self.least
     }

@@ -4,11 +4,14 @@
 //! the result does not depend on the number of threads. First each sample finds its triangle: the fragment nearest to the viewer that
 //! passes the alpha test; among equally near ones, the first triangle's. Then each shader runs, once for each triangle visible in a
 //! pixel (or, on request, in each part of a pixel), in the middle of its samples there. O(fragments · samples²), with one alpha test for
-//! each sample that passes the depth test.
+//! each sample that passes the depth test. Near triangles are drawn first, and blocks of samples behind all that is drawn are skipped (Greene,
+//! Kass and Miller, "Hierarchical Z-Buffer Visibility", 1993).
 //!
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
+mod depths;
 mod seen;
+mod tiles;
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,6 +21,8 @@ use std::time::Instant;
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use self::depths::Depths;
+use self::tiles::{Tiles, bounds, covered, overlap, samples_of};
 use super::samples::{Edges, Samples, TILE, Thresholds};
 use crate::error::Result;
 use crate::foliage::{BLOCK, Foliage, Spot, Surface};
@@ -41,6 +46,11 @@ pub struct ScreenTriangle<'a> {
 }
 
 impl ScreenTriangle<'_> {
+    /// Returns the depth of its nearest corner.
+    fn nearest(&self) -> f32 {
+        self.corners.iter().map(|corner| corner.z).fold(f32::NEG_INFINITY, f32::max)
+    }
+
     /// Returns whether it may cover any part of its window.
     pub(super) fn is_within(&self) -> bool {
         let (low, high) = bounds(&self.corners);
@@ -174,56 +184,6 @@ pub(crate) fn rasterise_timed<'a>(
     Ok((canvases, spent[1..].iter().map(|each| each * share).collect()))
 }
 
-struct Tiles {
-    columns: usize,
-    rows: usize,
-}
-
-impl Tiles {
-    fn origin(&self, tile: usize) -> Vec2 {
-        Vec2::new((tile % self.columns * TILE) as f32, (tile / self.columns * TILE) as f32)
-    }
-
-    /// Returns, for each tile, the triangles with bounds that touch it, in order.
-    fn lists(&self, triangles: &[ScreenTriangle]) -> Vec<Vec<u32>> {
-        let mut lists = vec![Vec::new(); self.columns * self.rows];
-        for (index, triangle) in (0u32..).zip(triangles) {
-            let (low, high) = bounds(&triangle.corners);
-            let within = |cells: Range<usize>, pixels: &Range<usize>| {
-                overlap(&cells, &(pixels.start / TILE..pixels.end.div_ceil(TILE)))
-            };
-            let columns = within(covered(low.x, high.x, TILE as f32, self.columns), &triangle.window.columns);
-            for row in within(covered(low.y, high.y, TILE as f32, self.rows), &triangle.window.rows) {
-                for column in columns.clone() {
-                    lists[row * self.columns + column].push(index);
-                }
-            }
-        }
-        lists
-    }
-}
-
-fn bounds([a, b, c]: &[Vec3; 3]) -> (Vec2, Vec2) {
-    let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
-    (low.truncate(), high.truncate())
-}
-
-/// Returns the cells that the interval touches, among `count` cells of `size`.
-fn covered(low: f32, high: f32, size: f32, count: usize) -> Range<usize> {
-    // Casts of negative numbers and NaN give 0.
-    (low / size).floor() as usize..(((high / size).floor() + 1.0) as usize).min(count)
-}
-
-fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
-    a.start.max(b.start)..a.end.min(b.end)
-}
-
-/// Returns the samples of a range of pixels in a tile that begins at the pixel `origin`.
-fn samples_of(pixels: &Range<usize>, origin: f32, samples: usize) -> Range<usize> {
-    let sample = |pixel: usize| pixel.saturating_sub(origin as usize).saturating_mul(samples);
-    sample(pixels.start)..sample(pixels.end)
-}
-
 /// Marks a sample without a visible triangle.
 const NOTHING: u32 = u32::MAX;
 
@@ -236,7 +196,7 @@ struct Tile<'a> {
     filter: f32,
     /// Samples in a row.
     side: usize,
-    depths: Vec<f32>,
+    depths: Depths,
     /// Indices into `drawn`.
     seen: Vec<u32>,
     drawn: Vec<Fragment<'a>>,
@@ -279,7 +239,7 @@ impl<'a> Tile<'a> {
             parts,
             filter,
             side,
-            depths: vec![f32::NEG_INFINITY; side * side],
+            depths: Depths::new(side),
             seen: vec![NOTHING; side * side],
             drawn: Vec::new(),
             pieces: Vec::new(),
@@ -297,7 +257,7 @@ impl<'a> Tile<'a> {
     }
 
     fn clear(&mut self) {
-        self.depths.fill(f32::NEG_INFINITY);
+        self.depths.clear();
         self.seen.fill(NOTHING);
         self.drawn.clear();
         self.pieces.clear();
@@ -341,22 +301,30 @@ impl<'a> Tile<'a> {
     fn add(&mut self, triangle: &ScreenTriangle<'a>, index: u32, origin: Vec2) {
         let scale = self.samples as f32;
         let corners = triangle.corners.map(|c| (c.truncate() - origin) * scale);
-        let Some(edges) = Edges::new(corners) else { return };
-        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, edges.steps(), self.filter);
-        if !edges.front && !surface.double_sided() {
-            return;
-        }
         let low = corners[0].min(corners[1]).min(corners[2]);
         let high = corners[0].max(corners[1]).max(corners[2]);
-        let depths = Vec3::from_array(triangle.corners.map(|c| c.z));
         let Window { columns, rows, .. } = triangle.window;
         let rows = overlap(&covered(low.y - 0.5, high.y, 1.0, self.side), &samples_of(rows, origin.y, self.samples));
         let columns =
             overlap(&covered(low.x - 0.5, high.x, 1.0, self.side), &samples_of(columns, origin.x, self.samples));
+        let depths = Vec3::from_array(triangle.corners.map(|c| c.z));
+        // Interpolated depths may be a few roundings nearer than all corners.
+        let nearest = triangle.nearest() + 8.0 * f32::EPSILON * depths.abs().max_element();
+        if self.depths.hide(&columns, &rows, nearest) {
+            return;
+        }
+        let Some(edges) = Edges::new(corners) else { return };
+        let steps = edges.steps();
+        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, steps, self.filter);
+        if !edges.front && !surface.double_sided() {
+            return;
+        }
         let mut drawing = Drawing {
+            index,
             surface,
             edges,
             depths,
+            nearest,
             reach: triangle.reach,
             threshold: Thresholds::new(self.samples, index),
             any: false,
@@ -369,7 +337,7 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// Draws the part of a triangle in at most [`BLOCK`] rows, block by block. Most of foliage is transparent; transparent blocks are
+    /// Draws the part of a triangle in at most [`BLOCK`] rows, block by block. Most of foliage is transparent or hidden; such blocks are
     /// skipped.
     fn add_band(&mut self, drawing: &mut Drawing<'a>, columns: &Range<usize>, rows: Range<usize>) {
         let mut spans: [Range<usize>; BLOCK] = std::array::from_fn(|_| 0..0);
@@ -384,22 +352,30 @@ impl<'a> Tile<'a> {
         for left in whole.clone().step_by(BLOCK) {
             let block = left..(left + BLOCK).min(whole.end);
             let centre = Vec2::new(0.5 * (block.start + block.end) as f32, middle);
-            if !drawing.surface.block_may_pass(drawing.edges.weights(centre)) {
+            if self.depths.hide(&block, &rows, drawing.nearest)
+                || !drawing.surface.block_may_pass(drawing.edges.weights(centre))
+            {
                 continue;
             }
+            let mut any = false;
             for (y, span) in rows.clone().zip(&spans) {
-                self.add_run(drawing, overlap(&block, span), y);
+                any |= self.add_run(drawing, overlap(&block, span), y);
+            }
+            if any {
+                self.depths.note(&block, &rows);
+                drawing.any = true;
             }
         }
     }
 
-    /// Draws the part of a triangle in at most [`BLOCK`] samples of a row.
-    fn add_run(&mut self, drawing: &mut Drawing<'a>, run: Range<usize>, y: usize) {
-        let Drawing { surface, edges, depths, reach, threshold, any } = drawing;
+    /// Draws the part of a triangle in at most [`BLOCK`] samples of a row. Returns whether any became visible.
+    fn add_run(&mut self, drawing: &Drawing<'a>, run: Range<usize>, y: usize) -> bool {
+        let Drawing { index, surface, edges, depths, reach, threshold, .. } = drawing;
         let weights_at = |x: f32| edges.weights(Vec2::new(x, y as f32 + 0.5));
         if run.is_empty() || !surface.run_may_pass(weights_at(0.5 * (run.start + run.end) as f32)) {
-            return;
+            return false;
         }
+        let mut any = false;
         let first = run.start;
         let uv = surface.uv(weights_at(first as f32 + 0.5));
         for x in run {
@@ -409,13 +385,21 @@ impl<'a> Tile<'a> {
             }
             let depth = weights.dot(*depths);
             let sample = y * self.side + x;
-            let nearer = depth > self.depths[sample] && depth.abs() <= *reach;
-            if nearer && surface.passes_behind(uv, x - first, weights, threshold.at(x, y)) {
-                self.depths[sample] = depth;
+            let is_nearer = self.is_nearer(depth, *index, sample) && depth.abs() <= *reach;
+            if is_nearer && surface.passes_behind(uv, x - first, weights, || threshold.at(x, y)) {
+                self.depths.set(sample, depth);
                 self.seen[sample] = self.drawn.len() as u32;
-                *any = true;
+                any = true;
             }
         }
+        any
+    }
+
+    /// Returns whether a triangle at a depth is in front of what a sample shows. Among equals, the first triangle is.
+    fn is_nearer(&self, depth: f32, index: u32, sample: usize) -> bool {
+        let shown = self.depths.get(sample);
+        depth > shown
+            || depth == shown && self.drawn.get(self.seen[sample] as usize).is_some_and(|shown| index < shown.index)
     }
 
     /// Fills a row of pixels, empty before, with the shaded visible pieces.
@@ -474,9 +458,12 @@ fn choose(pieces: &[PixelPiece], shade: impl Fn(&PixelPiece) -> Vec4, pixels: &m
 
 /// State while drawing a triangle on a tile.
 struct Drawing<'a> {
+    index: u32,
     surface: Surface<'a>,
     edges: Edges,
     depths: Vec3,
+    /// No point of it is nearer.
+    nearest: f32,
     reach: f32,
     threshold: Thresholds,
     /// Whether it became visible at any sample.

@@ -275,3 +275,77 @@ fn the_canvas_ends_inside_a_tile() {
     assert_eq!(pictures[0].covered, 16 * 37 * 35);
     assert_eq!(count_seen(screen(&white, 100.0, 0.0), 37, 35, samples(4)).iter().sum::<u32>(), 16 * 37 * 35);
 }
+
+/// Returns the color of each pixel's middle by the definition: the nearest of all triangles that contain it.
+fn by_definition(triangles: &[(ScreenTriangle, Vec4)], side: usize) -> Vec<Vec4> {
+    let middle = |i: usize| DVec2::new((i % side) as f64 + 0.5, (i / side) as f64 + 0.5);
+    let depth = |[a, b, c]: [DVec3; 3], p: DVec2| {
+        let twice = |a: DVec3, b: DVec3| (b.truncate() - a.truncate()).perp_dot(p - a.truncate());
+        let areas = [twice(b, c), twice(c, a), twice(a, b)];
+        let inside = areas.iter().all(|&area| area >= 0.0) || areas.iter().all(|&area| area <= 0.0);
+        let sum: f64 = areas.iter().sum();
+        inside.then(|| (a.z * areas[0] + b.z * areas[1] + c.z * areas[2]) / sum)
+    };
+    let color = |i: usize| {
+        let hits = triangles
+            .iter()
+            .filter_map(|(triangle, color)| Some((depth(triangle.corners.map(Vec3::as_dvec3), middle(i))?, *color)));
+        hits.reduce(|nearest, hit| if hit.0 > nearest.0 { hit } else { nearest }).map_or(Vec4::ZERO, |hit| hit.1)
+    };
+    (0..side * side).map(color).collect()
+}
+
+#[test]
+fn layers_of_large_and_small_triangles_show_the_nearest_one_in_any_order() {
+    let side = 70;
+    let mut random = crate::common::random::Random(7);
+    let colors: Vec<Foliage> = (0..300)
+        .map(|i| square(0.0, coloured(Vec4::new(1.0, (i % 17) as f32 / 17.0, i as f32 / 300.0, 1.0))))
+        .collect();
+    let mut triangles: Vec<(ScreenTriangle, Vec4)> = Vec::new();
+    for (i, foliage) in colors.iter().enumerate() {
+        let size = if i % 3 == 0 { 60.0 } else { 9.0 };
+        let place = Vec2::new(random.signed() as f32, random.signed() as f32) * 40.0 + 35.0;
+        let mut corner =
+            || Vec3::new(random.signed() as f32 * size, random.signed() as f32 * size, random.signed() as f32 * 5.0);
+        let corners = std::array::from_fn(|_| corner() + place.extend(i as f32 % 40.0));
+        let color = foliage.material(0).base_color;
+        triangles.push((
+            ScreenTriangle { reach: f32::INFINITY, corners, foliage, triangle: 0, window: &Window::WHOLE },
+            color,
+        ));
+    }
+    let wanted = by_definition(&triangles, side);
+    for turned in [false, true] {
+        if turned {
+            triangles.reverse();
+        }
+        let shown: Vec<ScreenTriangle> = triangles.iter().map(|(triangle, _)| triangle.clone()).collect();
+        let found = drawn(&shown, side, side, samples(1)).pixels;
+        // Middles within roundings of an edge may show its other side.
+        let other = found.iter().zip(&wanted).filter(|(found, wanted)| found.distance(**wanted) > 1e-5).count();
+        assert!(other <= 2, "{other} pixels of {} show another triangle", side * side);
+    }
+    // Most pixels show large triangles over some that are hidden as a whole.
+    assert!(wanted.iter().filter(|color| color.w > 0.0).count() > side * side * 9 / 10);
+}
+
+#[test]
+fn the_first_of_equally_near_triangles_is_shown() {
+    let colors = [Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.0, 1.0, 0.0, 1.0)];
+    let pair = colors.map(|color| square(0.0, coloured(color)));
+    for [first, second] in [[0, 1], [1, 0]] {
+        let mut triangles = screen(&pair[first], 8.0, 0.5);
+        triangles.truncate(1);
+        triangles[0].corners = [Vec3::new(-8.0, -8.0, 0.5), Vec3::new(24.0, -8.0, 0.5), Vec3::new(4.0, 90.0, 0.5)];
+        // As near in the middles of the pixels. Its last corner is nearer, so it is drawn first.
+        let mut other = triangles[0].clone();
+        other.foliage = &pair[second];
+        other.corners = [Vec3::new(-8.0, 0.5, 0.5), Vec3::new(24.0, 0.5, 0.5), Vec3::new(4.0, 90.0, 0.75)];
+        triangles.push(other);
+        let canvas = drawn(&triangles, 8, 1, samples(1));
+        assert!(canvas.pixels.iter().all(|pixel| *pixel == colors[first]), "{:?}", canvas.pixels);
+        let alone = drawn(&triangles[1..], 8, 1, samples(1));
+        assert!(alone.pixels.iter().all(|pixel| *pixel == colors[second]), "the second is there");
+    }
+}

@@ -51,7 +51,7 @@ type TexturePoints = Vec<Vec4>;
 impl Drawn {
     /// Returns the credits of one view, with so many points along the side of a pixel.
     pub fn credits(&self, texels: &LightGrid, target: &Target, view: &View, points: usize) -> Result<Credits> {
-        let fine = View { size: view.size * points, samples: Samples::new(1)?, ..*view };
+        let fine = View { size: view.size * points, samples: Samples::new(1)?.unfiltered(), ..*view };
         let grid = Grid { size: view.size, points };
         let [here, denser, sparser] = [&self.here, &self.denser, &self.sparser].map(|part| texture_points(part, &fine));
         let (here, denser, sparser) = (here?, denser?, sparser?);

@@ -183,8 +183,7 @@ fn a_step_moves_few_texels_over_the_cutoff() {
     let level = level(&foliage, Refinement::Off);
     let cutoff = level.alpha_cutoff;
     let mut texels = Texels::of(&level.page.base_color, &level.atlas, cutoff);
-    let drawn =
-        |texels: &Texels| texels.widened().pixels().iter().filter(|p| f32::from(p[3]) / 255.0 >= cutoff).count();
+    let drawn = |texels: &Texels| texels.page().pixels().iter().filter(|p| f32::from(p[3]) / 255.0 >= cutoff).count();
     // All texels would better vanish.
     let side = level.page.base_color.width();
     let of_region =

@@ -122,26 +122,30 @@ impl Texels {
         self.grid.image(|index, texel| self.cutoff + (texel.w - self.cutoff) / self.slopes[index])
     }
 
-    /// Moves the texels of all billboards.
+    /// Moves the texels of all billboards that have credits nearby.
     pub fn move_by(&mut self, credits: &Credits, rates: Rates) {
         let colors = self.grouped(&credits.colors);
         let alpha = self.grouped(&credits.alpha);
         let usual = mean_credit(&credits.alpha);
         let step = |(number, field): (usize, &Field)| {
-            let colors = field.sums(&credits.colors, colors.get(number));
-            let alpha = field.sums(&credits.alpha, alpha.get(number));
-            let both = field.texels().zip(colors.into_iter().zip(alpha));
-            both.map(|(texel, (color, alpha))| self.step(texel, color, alpha, usual, rates)).collect::<Vec<Vec4>>()
+            let (colors, alpha) = (colors.get(number), alpha.get(number));
+            let texels = colors.iter().map(|&index| credits.colors[index as usize].texel);
+            let Some(part) = field.around(texels.chain(alpha.iter().map(|&index| credits.alpha[index as usize].texel)))
+            else {
+                return Vec::new();
+            };
+            let both = part.sums(&credits.colors, colors).into_iter().zip(part.sums(&credits.alpha, alpha));
+            let credited = part.texels().zip(both).filter(|(_, (color, alpha))| color.w > 0.0 || alpha.y > 0.0);
+            let moved = |(texel, (color, alpha))| Move { texel, to: self.step(texel, color, alpha, usual, rates) };
+            credited.map(moved).collect::<Vec<Move>>()
         };
-        let steps: Vec<Vec<Vec4>> = self.fields.par_iter().enumerate().map(step).collect();
-        let most = self.alpha_rate(&steps, rates.edges);
-        for (field, steps) in self.fields.iter().zip(steps) {
-            for (texel, step) in field.texels().zip(steps) {
-                let value = &mut self.grid.0.pixels[texel];
-                // A texel without alpha stays so: gutters, and places far from all leaves.
-                let alpha = if value.w > 0.0 { (value.w + most * step.w).clamp(1.0 / 255.0, 1.0) } else { 0.0 };
-                *value = step.truncate().extend(alpha);
-            }
+        let moves: Vec<Vec<Move>> = self.fields.par_iter().enumerate().map(step).collect();
+        let most = self.alpha_rate(&moves, rates.edges);
+        for Move { texel, to } in moves.into_iter().flatten() {
+            let value = &mut self.grid.0.pixels[texel];
+            // A texel without alpha stays so: gutters, and places far from all leaves.
+            let alpha = if value.w > 0.0 { (value.w + most * to.w).clamp(1.0 / 255.0, 1.0) } else { 0.0 };
+            *value = to.truncate().extend(alpha);
         }
     }
 
@@ -157,21 +161,21 @@ impl Texels {
 
     /// Returns the change of alpha at which a share of the drawn texels appear or vanish, at most [`MOST`]: leaves on cards have much more
     /// edges than modelled ones, and the same change moves many more of their texels.
-    fn alpha_rate(&self, steps: &[Vec<Vec4>], share: f32) -> f32 {
-        let of_field = |(field, steps): (&Field, &Vec<Vec4>)| {
-            let (mut drawn, mut moved) = (0u32, [0u32; CHOICES]);
-            for (texel, step) in field.texels().zip(steps) {
-                let lack = self.cutoff - self.grid.0.pixels[texel].w;
-                drawn += u32::from(lack <= 0.0);
+    fn alpha_rate(&self, moves: &[Vec<Move>], share: f32) -> f32 {
+        let of_field = |(field, moves): (&Field, &Vec<Move>)| {
+            let lack = |texel: usize| self.cutoff - self.grid.0.pixels[texel].w;
+            let drawn: u32 = field.texels().map(|texel| u32::from(lack(texel) <= 0.0)).sum();
+            let mut moved = [0u32; CHOICES];
+            for Move { texel, to } in moves {
                 // The rate at which the texel changes sides.
-                let rate = lack / (MOST * step.w);
-                if rate > 0.0 && rate < 1.0 && self.grid.0.pixels[texel].w > 0.0 {
+                let rate = lack(*texel) / (MOST * to.w);
+                if rate > 0.0 && rate < 1.0 && self.grid.0.pixels[*texel].w > 0.0 {
                     moved[(rate * CHOICES as f32) as usize] += 1;
                 }
             }
             (drawn, moved)
         };
-        let all: Vec<(u32, [u32; CHOICES])> = self.fields.par_iter().zip(steps).map(of_field).collect();
+        let all: Vec<(u32, [u32; CHOICES])> = self.fields.par_iter().zip(moves).map(of_field).collect();
         let drawn: u64 = all.iter().map(|(drawn, _)| u64::from(*drawn)).sum();
         let mut most = (f64::from(share) * drawn as f64) as u64;
         let of_choice = |choice: usize| all.iter().map(|(_, moved)| u64::from(moved[choice])).sum::<u64>();
@@ -213,7 +217,13 @@ pub fn mean_credit(credits: &[Credit<Vec2>]) -> f32 {
     (sum / credits.len().max(1) as f64) as f32
 }
 
-/// The texels of one billboard.
+/// A step of a texel: its color after it, and the direction of its alpha, from -1 to 1.
+struct Move {
+    texel: usize,
+    to: Vec4,
+}
+
+/// A rectangle of texels: those of one billboard, or a part of them.
 #[derive(Clone, Copy)]
 struct Field {
     region: Region,
@@ -226,6 +236,19 @@ impl Field {
     fn texels(self) -> impl Iterator<Item = usize> {
         let Region { x, y, width, height } = self.region;
         (y..y + height).flat_map(move |row| (row * self.width + x..).take(width))
+    }
+
+    /// Returns the part within [`REACH`] of these texels; `None` without any.
+    fn around(self, texels: impl Iterator<Item = u32>) -> Option<Self> {
+        let place = |texel: u32| [texel as usize % self.width, texel as usize / self.width];
+        let union = |(low, high): ([usize; 2], [usize; 2]), place: [usize; 2]| {
+            ([0, 1].map(|i| place[i].min(low[i])), [0, 1].map(|i| place[i].max(high[i])))
+        };
+        let (low, high) = texels.map(place).map(|place| (place, place)).reduce(|sum, (place, _)| union(sum, place))?;
+        let Region { x, y, width, height } = self.region;
+        let [left, top] = [low[0].saturating_sub(REACH).max(x), low[1].saturating_sub(REACH).max(y)];
+        let [right, bottom] = [(high[0] + 1 + REACH).min(x + width), (high[1] + 1 + REACH).min(y + height)];
+        Some(Self { region: Region { x: left, y: top, width: right - left, height: bottom - top }, ..self })
     }
 
     /// Returns the sums of the credits with these indices around each texel.

@@ -4,7 +4,8 @@ use rayon::prelude::*;
 
 use glam::Vec2;
 
-use super::{PixelPiece, Samples, ScreenTriangle, TILE, Tile, Tiles};
+use super::tiles::Tiles;
+use super::{PixelPiece, Samples, ScreenTriangle, TILE, Tile};
 
 /// The visible samples of a triangle in one pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +46,7 @@ pub fn seen_among<'a>(
         behind.add_all(common, &common_lists[index], origin);
         let picture = |(other, lists): (&Vec<ScreenTriangle<'a>>, &Vec<Vec<u32>>)| {
             tile.clear();
-            tile.depths.copy_from_slice(&behind.depths);
+            tile.depths.copy_from(&behind.depths);
             tile.add_all(other, &lists[index], origin);
             tile.gather_all();
             tile.seen_triangles(origin, width, height)
@@ -90,7 +91,7 @@ impl Tile<'_> {
         let covered = |row: &[f32]| row[..columns].iter().filter(|&&depth| depth > f32::NEG_INFINITY).count() as u64;
         SeenTriangles {
             pieces: self.pieces.iter().filter_map(seen).collect(),
-            covered: self.depths.chunks(self.side).take(rows).map(covered).sum(),
+            covered: self.depths.rows().take(rows).map(covered).sum(),
         }
     }
 }
