@@ -135,7 +135,7 @@ impl<'a> Surface<'a> {
         self.passes_at(first + self.across * steps as f32, weights, threshold)
     }
 
-    // Masks need no threshold, which costs as much as a lookup.
+    // Thresholds cost as much as a lookup, and masks from nearby need none.
     fn passes_at(&self, uv: Vec2, weights: Vec3, threshold: impl FnOnce() -> f32) -> bool {
         match self.alpha {
             Alpha::All => true,

@@ -6,7 +6,7 @@
 //!
 //! To close gaps between billboards, as Décoret et al. do (2003, §4.4), it can also
 //! show the parts of all other triangles within ε of its plane, clipped to that slab and to the billboard. These extra triangles are not
-//! stretched and do not morph: each triangle still has one parent. They make crowns denser; the alpha cutoff compensates for part of that.
+//! stretched, do not grow and do not morph: each triangle still has one parent. They make crowns denser; the alpha cutoff compensates for part of that.
 
 use glam::DVec3;
 

@@ -35,7 +35,7 @@ pub struct Seconds {
     pub pack: f64,
     /// Textures.
     pub bake: f64,
-    /// Stretch limit, alpha cutoff, tone, polygons, report.
+    /// Stretch and growth of collapsed leaves, alpha cutoff, tone, polygons, report.
     pub metrics: f64,
     /// Refinement of planes and textures.
     pub refine: f64,

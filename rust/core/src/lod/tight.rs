@@ -37,7 +37,7 @@ impl AlphaLevel {
     /// Returns the four texels around a place on the page, in texels of the page, and the place between them.
     fn around(&self, place: DVec2) -> ([f32; 4], DVec2) {
         let place = place / self.scale - 0.5;
-        // The texel after each coordinate. Casts round down, unlike `floor`, without a function call; places begin at −½.
+        // The texel behind each coordinate, by casts: `floor` is a function call without SSE 4.1. Places begin at −½.
         let (x, y) = ((place.x + 1.0) as usize, (place.y + 1.0) as usize);
         let (left, right) = (x.saturating_sub(1).min(self.width - 1), x.min(self.width - 1));
         let (top, bottom) = (y.saturating_sub(1).min(self.height - 1), y.min(self.height - 1));

@@ -70,12 +70,12 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<
         let projection = Projection::new(finer, cloud, laying);
         let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
         let off = (coverage - 1.0).abs();
-        match best {
-            // Coverage grows along the candidates: once the error grows, those that follow are worse.
-            Some((least, _)) if off > least => break,
-            // Leaves parallel to their planes do not stretch.
-            Some((least, _)) if off == least => {}
-            _ => best = Some((off, (laying, projection))),
+        if best.as_ref().is_none_or(|(least, _)| off < *least) {
+            best = Some((off, (laying, projection)));
+        }
+        // Coverage grows along the candidates.
+        if coverage >= 1.0 {
+            break;
         }
     }
     Ok(best.expect("the first candidate is always a choice").1)
@@ -245,10 +245,11 @@ mod tests {
     use crate::foliage::Attributes;
     use crate::geometry::Plane;
 
-    /// Leaves that are far from one another, each with a copy at a height over it, and a cloud of one horizontal plane.
+    /// Leaves of side 1 that are far from one another, each with a copy at a height over it, and a cloud of one horizontal plane.
     fn pairs(height: f64) -> (Foliage, Cloud) {
         let leaf = |number: usize| {
-            let place = DVec3::new((number % 4) as f64, (number / 4 % 4) as f64, height * (number / 16) as f64) * 3.0;
+            let place = DVec3::new((number % 4) as f64, (number / 4 % 4) as f64, 0.0) * 3.0
+                + DVec3::Z * (height * (number / 16) as f64);
             [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| place + DVec3::new(x, y, 0.0))
         };
         let corners: Vec<DVec3> = (0..32).flat_map(leaf).collect();
@@ -263,7 +264,7 @@ mod tests {
 
     #[test]
     fn leaves_grow_only_if_they_hide_one_another_in_their_planes() {
-        for (height, expected) in [(1e-3, 1.0), (1.0, 1.2)] {
+        for (height, expected) in [(3e-3, 1.0), (3.0, 1.2)] {
             let (foliage, cloud) = pairs(height);
             let views = views_of_amounts(16, DVec3::Z).unwrap();
             let leaves = Reference::new(&[&foliage], foliage.frame(), views).unwrap();

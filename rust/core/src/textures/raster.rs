@@ -310,7 +310,7 @@ impl<'a> Tile<'a> {
         let depths = Vec3::from_array(triangle.corners.map(|c| c.z));
         // Interpolated depths may be a few roundings nearer than all corners.
         let nearest = triangle.nearest() + 8.0 * f32::EPSILON * depths.abs().max_element();
-        if self.depths.hide(&columns, &rows, nearest) {
+        if columns.is_empty() || rows.is_empty() || self.depths.hide(&columns, &rows, nearest) {
             return;
         }
         let Some(edges) = Edges::new(corners) else { return };

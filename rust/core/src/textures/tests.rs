@@ -81,6 +81,23 @@ fn nothing_is_drawn_outside_the_clip() {
 }
 
 #[test]
+fn a_triangle_beside_its_window_in_the_same_tile_is_not_drawn() {
+    let white = square(0.0, Material::default());
+    for (columns, rows) in [(26..32, 0..32), (0..32, 26..32), (0..0, 0..32), (90..99, 90..99)] {
+        let window = Window { columns, rows, ..Window::WHOLE };
+        for place in [3.0, 8.0, 18.0] {
+            let mut triangles = screen(&white, 8.0, 0.0);
+            for triangle in &mut triangles {
+                triangle.window = &window;
+                triangle.corners = triangle.corners.map(|corner| corner + Vec3::new(place, place, 0.0));
+            }
+            let canvas = drawn(&triangles, 32, 32, samples(4));
+            assert!(canvas.pixels.iter().all(|pixel| *pixel == Vec4::ZERO), "window {window:?}");
+        }
+    }
+}
+
+#[test]
 fn the_nearer_hides_the_farther_in_any_order() {
     let red = square(0.0, coloured(Vec4::new(1.0, 0.0, 0.0, 1.0)));
     let blue = square(0.0, coloured(Vec4::new(0.0, 0.0, 1.0, 1.0)));

@@ -46,7 +46,7 @@ impl Depths {
         self.samples.chunks(self.side)
     }
 
-    /// Returns whether all samples of a rectangle show something nearer than `depth`.
+    /// Returns whether all samples of a rectangle, which is not empty, show something nearer than `depth`.
     pub fn hide(&self, columns: &Range<usize>, rows: &Range<usize>, depth: f32) -> bool {
         let row = |row: usize| &self.farthest[row * (self.side / BLOCK)..][cells(columns)];
         cells(rows).all(|y| row(y).iter().all(|&farthest| depth < farthest))
