@@ -51,6 +51,7 @@ type TexturePoints = Vec<Vec4>;
 impl Drawn {
     /// Returns the credits of one view, with so many points along the side of a pixel.
     pub fn credits(&self, texels: &LightGrid, target: &Target, view: &View, points: usize) -> Result<Credits> {
+        // Textures are read at points, as renderers do from nearby: a filter needs pyramids, and each step has another page.
         let fine = View { size: view.size * points, samples: Samples::new(1)?.unfiltered(), ..*view };
         let grid = Grid { size: view.size, points };
         let [here, denser, sparser] = [&self.here, &self.denser, &self.sparser].map(|part| texture_points(part, &fine));
