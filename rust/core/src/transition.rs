@@ -4,9 +4,6 @@
 //! the plane instead, as if turned about its projected pivot. Its projection is stretched along the direction of steepest tilt, up to a
 //! limit, to keep the leaf's area. The distance along the normal, bounded by ε, does not change. The motion within the plane is reported
 //! separately.
-//!
-//! Leaves that come to lie in few planes hide one another more than before: with all areas kept, the needles of a fir cover 0.88 of what they
-//! covered. So leaves may *grow* about their pivots as they collapse (`lod::tune` chooses both by renderings).
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -25,23 +22,6 @@ pub const HAND_OVER: f64 = 0.998;
 /// Cycles). This small height is enough for an order, and less than 1e-5 R at ε = 0.04.
 pub const DEPTH_ORDER: f64 = 1.0 / 4096.0;
 
-/// How leaves are laid into their planes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Laying {
-    /// Limit of the stretch, at least 1; 1 is orthogonal projection.
-    pub stretch: f64,
-    /// Factor on the length and the width of all leaves, greater than 0.
-    pub growth: f64,
-}
-
-impl Laying {
-    /// Returns the laying with a limit of the stretch, without growth.
-    #[must_use]
-    pub const fn stretched(stretch: f64) -> Self {
-        Self { stretch, growth: 1.0 }
-    }
-}
-
 /// Positions of a level at a = 1, in the foliage's local frame; one entry per triangle.
 #[derive(Clone, Debug)]
 pub struct Projection {
@@ -54,11 +34,11 @@ pub struct Projection {
 }
 
 impl Projection {
-    /// Lays every leaf into its plane.
+    /// Lays every leaf into its plane. `stretch` ≥ 1 limits the stretch; 1 is orthogonal projection.
     ///
     /// The triangles of a leaf in one plane share one affine map; a leaf in several planes has one map per plane.
     #[must_use]
-    pub fn new(foliage: &Foliage, cloud: &Cloud, laying: Laying) -> Self {
+    pub fn new(foliage: &Foliage, cloud: &Cloud, stretch: f64) -> Self {
         let leaf_pivots = leaf_pivots(foliage);
         let pivots: Vec<DVec3> = foliage.leaf_ids().iter().map(|&leaf| leaf_pivots[leaf as usize]).collect();
         let parts = foliage.leaf_ids().iter().zip(&cloud.parents);
@@ -67,7 +47,7 @@ impl Projection {
         let lay = |part: usize| {
             let triangles = parts.get(part);
             let first = triangles[0] as usize;
-            Lay::new(foliage, triangles, cloud.planes[cloud.parents[first] as usize], pivots[first], laying)
+            Lay::new(foliage, triangles, cloud.planes[cloud.parents[first] as usize], pivots[first], stretch)
         };
         let lays: Vec<Lay> = (0..part_count).into_par_iter().map(lay).collect();
         let of = |triangle: usize| &lays[part_of[triangle] as usize];
@@ -136,12 +116,10 @@ pub(crate) struct Lay {
     steepest: DVec3,
     /// Stretch − 1.
     excess: f64,
-    /// [`Laying::growth`].
-    growth: f64,
 }
 
 impl Lay {
-    pub fn new(foliage: &Foliage, triangles: &[u32], plane: Plane, pivot: DVec3, laying: Laying) -> Self {
+    pub fn new(foliage: &Foliage, triangles: &[u32], plane: Plane, pivot: DVec3, limit: f64) -> Self {
         let (mut sum, mut area, mut projected) = (DVec3::ZERO, 0.0, 0.0);
         for &t in triangles {
             let vector = foliage.area_vector(t as usize);
@@ -150,21 +128,19 @@ impl Lay {
             projected += vector.dot(plane.normal).abs();
         }
         let steepest = (sum - plane.normal * sum.dot(plane.normal)).try_normalize();
-        let stretch = if projected > 0.0 { (area / projected).clamp(1.0, laying.stretch) } else { laying.stretch };
+        let stretch = if projected > 0.0 { (area / projected).clamp(1.0, limit) } else { limit };
         Self {
             plane,
             pivot: plane.project(pivot),
             excess: if steepest.is_some() { stretch - 1.0 } else { 0.0 },
             steepest: steepest.unwrap_or(DVec3::ZERO),
-            growth: laying.growth,
         }
     }
 
     pub fn target(&self, point: DVec3) -> DVec3 {
+        let projected = self.plane.project(point);
         let order = self.plane.normal * (self.plane.height(point) * DEPTH_ORDER);
-        let from_pivot = self.plane.project(point) - self.pivot;
-        let laid = from_pivot + self.steepest * (self.excess * self.steepest.dot(from_pivot));
-        self.pivot + self.growth * laid + order
+        projected + order + self.steepest * (self.excess * self.steepest.dot(projected - self.pivot))
     }
 }
 
@@ -213,7 +189,7 @@ mod tests {
     #[test]
     fn orthogonal_projection_keeps_the_cosine() {
         let (foliage, cloud) = tilted(0.8, 0.3);
-        let projection = Projection::new(&foliage, &cloud, Laying::stretched(1.0));
+        let projection = Projection::new(&foliage, &cloud, 1.0);
         assert!((area(&projection.targets, &foliage) - 0.8).abs() < 1e-6, "up to the depth order");
         assert!(projection.in_plane_motion(&foliage, &cloud) < 1e-12);
     }
@@ -222,7 +198,7 @@ mod tests {
     fn laying_keeps_the_area_up_to_the_limit() {
         for (cosine, limit, expected) in [(0.8, 2.0, 1.0), (0.5, 2.0, 1.0), (0.4, 1.5, 0.6)] {
             let (foliage, cloud) = tilted(cosine, 0.3);
-            let projection = Projection::new(&foliage, &cloud, Laying::stretched(limit));
+            let projection = Projection::new(&foliage, &cloud, limit);
             assert!((area(&projection.targets, &foliage) - expected).abs() < 1e-6, "cos {cosine}");
             let height = |p: &DVec3| cloud.planes[0].height(*p);
             for (t, targets) in projection.targets.iter().enumerate() {
@@ -240,22 +216,9 @@ mod tests {
     }
 
     #[test]
-    fn growth_enlarges_leaves_about_their_pivots() {
-        let (foliage, cloud) = tilted(0.5, 0.3);
-        let [plain, grown] =
-            [1.0, 1.2].map(|growth| Projection::new(&foliage, &cloud, Laying { stretch: 2.0, growth }));
-        assert!((area(&grown.targets, &foliage) - 1.2 * 1.2).abs() < 1e-6);
-        assert_eq!(plain.pivot_targets, grown.pivot_targets);
-        let height = |p: &DVec3| cloud.planes[0].height(*p);
-        for (plain, grown) in plain.targets.iter().flatten().zip(grown.targets.iter().flatten()) {
-            assert!((height(plain) - height(grown)).abs() < 1e-15, "the depth order stays");
-        }
-    }
-
-    #[test]
     fn on_the_way_corners_lie_between() {
         let (foliage, cloud) = tilted(0.8, 0.3);
-        let projection = Projection::new(&foliage, &cloud, Laying::stretched(1.5));
+        let projection = Projection::new(&foliage, &cloud, 1.5);
         let half = projection.at(&foliage, 0.5).unwrap();
         for t in 0..2 {
             let corners = half.corners(t).map(|p| foliage.frame().to_local(half.frame().to_caller(p)));

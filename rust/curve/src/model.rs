@@ -68,7 +68,7 @@ const PACKING: [Setting; 3] = [Setting::Epsilon, Setting::Levels, Setting::Tight
 /// The settings that act on the error independently.
 const ALONE: [Setting; 3] = [Setting::Candidates, Setting::Samples, Setting::Effort];
 
-/// Mean number of renderings of the leaves from each view to choose stretch and growth; renderings to compare the sides of billboards.
+/// Mean number of renderings of the leaves from each view to choose the stretch limit; renderings to compare the sides of billboards.
 const STRETCHES: f64 = 4.0;
 const SIDES: f64 = 2.0;
 

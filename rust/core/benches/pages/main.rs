@@ -17,7 +17,7 @@ use leafcloud::lod::{ChainSettings, settled_fit};
 use leafcloud::metrics::{Reference, Views};
 use leafcloud::outlines::outlines;
 use leafcloud::textures::{Channels, Drawn, EnginePage, Page, PagePart, Pictured, Samples, Sight, bake, mips, recut};
-use leafcloud::transition::{Laying, Projection};
+use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
 
 const SIDE: usize = 2048;
@@ -54,7 +54,7 @@ impl Level {
         let fitting = settled_fit(&ChainSettings::default(), &foliage, None, Progress::silent());
         let cloud = fitting.and_then(|fitting| fit(&foliage, &fitting, Progress::silent()));
         let cloud = cloud.expect("the settings fit any foliage");
-        let projection = Projection::new(&foliage, &cloud, Laying::stretched(1.25));
+        let projection = Projection::new(&foliage, &cloud, 1.25);
         let seen = Opacity::of(&foliage);
         let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &seen);
         let settings = AtlasSettings::of_size(SIDE, true);

@@ -16,16 +16,16 @@ use crate::metrics::Reference;
 use crate::outlines::outlines;
 use crate::polygons::Scale;
 use crate::progress::Progress;
-use crate::transition::{HAND_OVER, Laying, Projection};
+use crate::transition::{HAND_OVER, Projection};
 
-/// View directions for the laying of drafts.
+/// View directions for the stretch of drafts.
 const VIEWS: usize = 4;
 
-/// Drafts of one foliage, with the size limit of billboards and the laying of the first one.
+/// Drafts of one foliage, with the size limit of billboards and the stretch of the first one.
 pub struct Drafts<'a> {
     foliage: &'a Foliage,
     fit: FitSettings,
-    laying: Laying,
+    stretch: f64,
     copies: usize,
     /// Most billboards within the level's budget of triangles.
     pub most: usize,
@@ -59,12 +59,12 @@ impl<'a> Drafts<'a> {
         let (max_size, cloud) = cloud(settings, foliage, trunk, progress)?;
         let views = tune::views_of_amounts(VIEWS, settings.up)?;
         let leaves = Reference::new(&[foliage], foliage.frame(), views)?;
-        let (laying, projection) = tune::projection(foliage, &cloud, &leaves)?;
+        let (stretch, projection) = tune::projection(foliage, &cloud, &leaves)?;
         let copies = copies(settings, foliage);
         let fit = FitSettings { max_size, ..settings.fit.clone() };
         let first = Draft::new(foliage, &cloud, &projection, copies, &fit)?;
         let most = budget::of_first(settings, foliage, trunk)[0] / (2 * copies);
-        Ok(Self { foliage, fit, laying, copies, most, first })
+        Ok(Self { foliage, fit, stretch, copies, most, first })
     }
 
     /// Returns the ε of the first draft.
@@ -83,7 +83,7 @@ impl<'a> Drafts<'a> {
         fit.check()?;
         let bound = epsilon * self.foliage.frame().radius;
         let cloud = fit_within(self.foliage, &fit.opacity(self.foliage), &fit, bound, progress, None)?;
-        let projection = Projection::new(self.foliage, &cloud, self.laying);
+        let projection = Projection::new(self.foliage, &cloud, self.stretch);
         Draft::new(self.foliage, &cloud, &projection, self.copies, &fit)
     }
 }

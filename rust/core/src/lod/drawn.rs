@@ -6,7 +6,7 @@
 //!
 //! To close gaps between billboards, as Décoret et al. do (2003, §4.4), it can also
 //! show the parts of all other triangles within ε of its plane, clipped to that slab and to the billboard. These extra triangles are not
-//! stretched, do not grow and do not morph: each triangle still has one parent. They make crowns denser; the alpha cutoff compensates for part of that.
+//! stretched and do not morph: each triangle still has one parent. They make crowns denser; the alpha cutoff compensates for part of that.
 
 use glam::DVec3;
 
@@ -103,7 +103,6 @@ mod tests {
     use crate::foliage::{Attributes, Material, Opacity};
     use crate::outlines::outlines;
     use crate::textures::{Channels, Samples, bake};
-    use crate::transition::Laying;
 
     const EPSILON: f64 = 0.25;
 
@@ -129,7 +128,7 @@ mod tests {
         let bound = 0.6;
         let cloud = Cloud::new(&foliage, planes.to_vec(), parents, bound);
         assert!(tears_many(&foliage, &cloud));
-        let projection = Projection::new(&foliage, &cloud, Laying::stretched(1.0));
+        let projection = Projection::new(&foliage, &cloud, 1.0);
         let shown = with_torn_leaves(&foliage, &cloud, &projection);
         for plane in [0, 1] {
             let mut triangles: Vec<usize> = shown(plane).iter().map(|each| each.triangle).collect();
@@ -162,7 +161,7 @@ mod tests {
         let rising = DVec3::new(-1.0, 0.0, 1.0).normalize();
         let planes = vec![Plane { normal: DVec3::Z, distance: 0.0 }, Plane { normal: rising, distance: 0.0 }];
         let cloud = Cloud::new(&foliage, planes, vec![0, 0, 0, 0, 1, 1], EPSILON);
-        let projection = Projection::new(&foliage, &cloud, Laying::stretched(1.0));
+        let projection = Projection::new(&foliage, &cloud, 1.0);
         let opacity = Opacity::of(&foliage);
         let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &opacity);
         let atlas = Atlas::pack(&cloud.planes, &outlines, AtlasSettings::of_size(256, false)).unwrap();

@@ -35,7 +35,7 @@ pub struct Seconds {
     pub pack: f64,
     /// Textures.
     pub bake: f64,
-    /// Stretch and growth of collapsed leaves, alpha cutoff, tone, polygons, report.
+    /// Stretch limit, alpha cutoff, tone, polygons, report.
     pub metrics: f64,
     /// Refinement of planes and textures.
     pub refine: f64,
@@ -145,7 +145,7 @@ struct Layout {
     atlas: Atlas,
     two_sided: bool,
     refined: Option<Refined>,
-    /// Measured seconds: for fitting the planes, for refining them, and for laying leaves into them.
+    /// Measured seconds: for fitting the planes, for refining them, and for choosing the stretch limit.
     seconds: [f64; 3],
 }
 
@@ -222,7 +222,7 @@ fn fitted(step: &Step, two_sided: bool, pixels: f64, progress: Progress) -> Resu
 
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let (started, finer) = (Instant::now(), step.finer);
-    let Layout { cloud, projection, atlas, two_sided, refined: refined_planes, seconds: [fit, arranging, laying] } =
+    let Layout { cloud, projection, atlas, two_sided, refined: refined_planes, seconds: [fit, arranging, stretch] } =
         layout(step, settings, progress.part(0.0, 0.65))?;
     let packed = Instant::now();
 
@@ -287,9 +287,9 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         page,
         seconds: Seconds {
             fit,
-            pack: (packed - started).as_secs_f64() - fit - arranging - laying,
+            pack: (packed - started).as_secs_f64() - fit - arranging - stretch,
             bake: (baked - packed).as_secs_f64(),
-            metrics: laying + baked.elapsed().as_secs_f64(),
+            metrics: stretch + baked.elapsed().as_secs_f64(),
             refine: arranging,
         },
         channel_seconds,

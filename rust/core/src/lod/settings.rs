@@ -23,7 +23,7 @@ pub struct ViewCounts {
     pub order: usize,
     /// Overlap with the leaves, for the alpha cutoff.
     pub places: usize,
-    /// Coverage and mean color, for stretch and growth, the alpha cutoff and the tone.
+    /// Coverage and mean color, for the stretch limit, the alpha cutoff and the tone.
     pub amounts: usize,
     /// Reported metrics.
     pub report: usize,

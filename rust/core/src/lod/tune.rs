@@ -1,8 +1,8 @@
-//! Tuning of a level from renderings: how leaves are laid into their planes, and the alpha cutoff, or alpha itself if nothing is cut out.
+//! Tuning of a level from renderings: the stretch limit, and the alpha cutoff, or alpha itself if nothing is cut out.
 //!
 //! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels. All three differ from plant to
 //! plant, so theory gives no right value. Each setting keeps one quantity, measured in a few small views, which differ from the reported
-//! ones. Stretch and growth keep the coverage of the leaves after they collapse onto their planes. The alpha cutoff keeps the covered
+//! ones. The stretch limit keeps the coverage of the leaves after they collapse onto their planes. The alpha cutoff keeps the covered
 //! pixels at the hand-over from the collapsed leaves to the billboards; then it moves until the billboards cover as much as the leaves. All
 //! figures are exact on any machine.
 
@@ -16,19 +16,10 @@ use crate::foliage::{Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::metrics::{Agreement, Reference, Views};
 use crate::textures::{Page, Samples};
-use crate::transition::{HAND_OVER, Laying, Projection};
+use crate::transition::{HAND_OVER, Projection};
 
-/// Candidates for laying leaves into planes, by growing coverage: leaves grow only where the greatest stretch is too little.
-const LAYINGS: [Laying; 8] = [
-    Laying::stretched(1.0),
-    Laying::stretched(1.25),
-    Laying::stretched(1.5),
-    Laying::stretched(2.0),
-    Laying { stretch: 2.0, growth: 1.05 },
-    Laying { stretch: 2.0, growth: 1.1 },
-    Laying { stretch: 2.0, growth: 1.15 },
-    Laying { stretch: 2.0, growth: 1.2 },
-];
+/// Candidate stretch limits.
+const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
 /// Candidate cutoffs, and the cutoff at which the search begins if any texel reaches it.
 const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
@@ -62,23 +53,21 @@ pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: 64, samples: Samples::new(3)?.unfiltered(), up, turn: TURN })
 }
 
-/// Returns how leaves are laid into their planes, and their projection. The coverage of the collapsed leaves is closest to that of the
-/// leaves. `finer` collapses; `leaves` renders the reference.
-pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<(Laying, Projection)> {
-    let mut best: Option<(f64, (Laying, Projection))> = None;
-    for laying in LAYINGS {
-        let projection = Projection::new(finer, cloud, laying);
+/// Returns a stretch limit and the projection with it. The coverage of the collapsed leaves is closest to that of the leaves. `finer`
+/// collapses; `leaves` renders the reference.
+pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<(f64, Projection)> {
+    let mut best: Option<(f64, (f64, Projection))> = None;
+    for limit in STRETCHES {
+        let projection = Projection::new(finer, cloud, limit);
         let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
         let off = (coverage - 1.0).abs();
-        if best.as_ref().is_none_or(|(least, _)| off < *least) {
-            best = Some((off, (laying, projection)));
-        }
-        // Coverage grows along the candidates.
-        if coverage >= 1.0 {
-            break;
+        // Coverage grows with the stretch: once the error grows, more stretch makes it worse.
+        match best {
+            Some((least, _)) if off >= least => break,
+            _ => best = Some((off, (limit, projection))),
         }
     }
-    Ok(best.expect("the first candidate is always a choice").1)
+    Ok(best.expect("the first stretch is always a choice").1)
 }
 
 /// Returns the alpha cutoff at which the billboards match `before`, the collapsed leaves, best.
@@ -242,36 +231,6 @@ fn nothing_shows(page: &Image) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::foliage::Attributes;
-    use crate::geometry::Plane;
-
-    /// Leaves of side 1 that are far from one another, each with a copy at a height over it, and a cloud of one horizontal plane.
-    fn pairs(height: f64) -> (Foliage, Cloud) {
-        let leaf = |number: usize| {
-            let place = DVec3::new((number % 4) as f64, (number / 4 % 4) as f64, 0.0) * 3.0
-                + DVec3::Z * (height * (number / 16) as f64);
-            [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| place + DVec3::new(x, y, 0.0))
-        };
-        let corners: Vec<DVec3> = (0..32).flat_map(leaf).collect();
-        let triangles =
-            (0..32).flat_map(|leaf| [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|i| 4 * leaf + i))).collect();
-        let foliage = Foliage::new(&corners, triangles, Attributes::default(), vec![]).unwrap();
-        let plane = Plane::through(DVec3::ZERO, DVec3::Z);
-        let count = foliage.triangle_count();
-        let cloud = Cloud::new(&foliage, vec![plane], vec![0; count], 10.0);
-        (foliage, cloud)
-    }
-
-    #[test]
-    fn leaves_grow_only_if_they_hide_one_another_in_their_planes() {
-        for (height, expected) in [(3e-3, 1.0), (3.0, 1.2)] {
-            let (foliage, cloud) = pairs(height);
-            let views = views_of_amounts(16, DVec3::Z).unwrap();
-            let leaves = Reference::new(&[&foliage], foliage.frame(), views).unwrap();
-            let (laying, _) = projection(&foliage, &cloud, &leaves).unwrap();
-            assert_eq!(laying.growth, expected, "pairs {height} apart");
-        }
-    }
 
     #[test]
     fn the_cutoff_that_keeps_coverage_is_found_on_any_falling_curve() {

@@ -8,7 +8,7 @@ use crate::fit::{ImageBound, motion_bound};
 use crate::foliage::Foliage;
 use crate::geometry::Plane;
 use crate::groups::{Groups, number_by_appearance};
-use crate::transition::{HAND_OVER, Lay, Laying, leaf_pivots};
+use crate::transition::{HAND_OVER, Lay, leaf_pivots};
 
 /// Planes, and the plane of each part.
 #[derive(Clone)]
@@ -20,7 +20,8 @@ pub struct Places {
 /// Parts: the triangles of a leaf that lie on one plane. They move together, so that no leaf is torn that was not.
 pub struct Parts<'a> {
     pub foliage: &'a Foliage,
-    laying: Laying,
+    /// Limit of the stretch.
+    stretch: f64,
     /// How far the corners of each triangle may be from a plane, in local units.
     bounds: Vec<f64>,
     triangles: Groups,
@@ -35,7 +36,7 @@ const TASK: usize = 256;
 impl<'a> Parts<'a> {
     /// Returns the parts of a cloud, and their places. Their new planes keep the bound of the cloud, and move no leaf farther than the
     /// leaf that moved the farthest before: the level takes over at the same distance.
-    pub fn new(foliage: &'a Foliage, cloud: &Cloud, laying: Laying, image: Option<ImageBound>) -> (Self, Places) {
+    pub fn new(foliage: &'a Foliage, cloud: &Cloud, stretch: f64, image: Option<ImageBound>) -> (Self, Places) {
         let (part_of, count) = number_by_appearance(foliage.leaf_ids().iter().zip(&cloud.parents));
         let triangles = Groups::by_key(&part_of, count);
         let leaf_pivots = leaf_pivots(foliage);
@@ -45,7 +46,7 @@ impl<'a> Parts<'a> {
         let bound = cloud.bound.min(cloud.max_deviation());
         let bounds = (0..foliage.triangle_count()).map(|t| motion_bound(foliage, t, bound, image)).collect();
         let places = Places { planes: cloud.planes.clone(), parents };
-        (Self { foliage, laying, bounds, triangles, part_of, pivots }, places)
+        (Self { foliage, stretch, bounds, triangles, part_of, pivots }, places)
     }
 
     pub fn len(&self) -> usize {
@@ -80,7 +81,7 @@ impl<'a> Parts<'a> {
     }
 
     fn lay(&self, part: usize, plane: Plane) -> Lay {
-        Lay::new(self.foliage, self.triangles(part), plane, self.pivots[part], self.laying)
+        Lay::new(self.foliage, self.triangles(part), plane, self.pivots[part], self.stretch)
     }
 
     /// Returns the corners of a part, each with the bound of its triangle.

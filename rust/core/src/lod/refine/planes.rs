@@ -43,7 +43,7 @@ pub struct Arrangement<'a> {
     pub opacity: &'a Opacity,
     /// The leaves that the level replaces.
     pub leaves: &'a Foliage,
-    /// Renderings of the leaves for laying them into planes.
+    /// Renderings of the leaves for the stretch.
     pub amounts: &'a Reference,
     /// Bound on the angle of motions, if given.
     pub image: Option<ImageBound>,
@@ -91,10 +91,10 @@ impl Arrangement<'_> {
             return Ok((cloud, None));
         }
         progress.tell("refine", 0.0)?;
-        let (laying, projection) = tune::projection(self.finer, &cloud, self.amounts)?;
+        let (stretch, projection) = tune::projection(self.finer, &cloud, self.amounts)?;
         let tests = LeafViews::of(drawn(self.leaves, self.views(TEST_VIEWS, TEST_TURN)?)?);
         let (first, tone) = self.errors(&tests, &projection)?;
-        let (parts, mut places) = Parts::new(self.finer, &cloud, laying, self.image);
+        let (parts, mut places) = Parts::new(self.finer, &cloud, stretch, self.image);
         let bound = cloud.bound;
         let mut best = (cloud, Gain::none(&first));
         let steps = plan.rounds * (plan.switches + plan.moves);

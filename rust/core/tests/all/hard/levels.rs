@@ -8,7 +8,7 @@ use leafcloud::lod::{Chain, ChainSettings, build_chain};
 use leafcloud::metrics::{View, render};
 use leafcloud::outlines::outlines;
 use leafcloud::textures::{Channels, Drawn, Samples, bake};
-use leafcloud::transition::{Laying, Projection};
+use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Foliage, Progress};
 
 use crate::common::random::Random;
@@ -277,7 +277,7 @@ fn a_plane_for_each_of_65_537_triangles() {
     };
     let count = foliage.triangle_count();
     let cloud = Cloud::new(&foliage, (0..count).map(plane).collect(), (0..count as u32).collect(), 1.0);
-    let projection = Projection::new(&foliage, &cloud, Laying::stretched(1.0));
+    let projection = Projection::new(&foliage, &cloud, 1.0);
     let found = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &Opacity::of(&foliage));
     let atlas =
         Atlas::pack(&cloud.planes, &found, AtlasSettings { size: 4096.into(), gutter: 2, back_sides: false }).unwrap();
