@@ -168,7 +168,8 @@ def smaller(pictures: Pictures, times: int) -> Pictures:
 
 
 def flip(base: Pictures, other: Pictures) -> float:
-    """Return the mean FLIP over the views, each within four pixels of either silhouette."""
+    """Return the mean FLIP over the views, each within four pixels of either silhouette. Pictures without any alpha are
+    alike."""
 
     def over_grey(picture: NDArray[np.float32]) -> NDArray[np.float32]:
         alpha = picture[..., 3:]
@@ -179,8 +180,10 @@ def flip(base: Pictures, other: Pictures) -> float:
     errors = []
     for a, b in zip(base, other, strict=True):
         error = np.asarray(flip_evaluator.evaluate(over_grey(a), over_grey(b), "LDR", applyMagma=False)[0])
-        near = binary_dilation((a[..., 3] > 0.5) | (b[..., 3] > 0.5), iterations=4)
-        errors.append(error.reshape(*near.shape, -1)[..., 0][near].mean())
+        alpha = np.maximum(a[..., 3], b[..., 3])
+        # Thin crowns may cover less than half of every pixel.
+        near = binary_dilation(alpha > min(0.5, 0.5 * alpha.max()), iterations=4)
+        errors.append(error.reshape(*near.shape, -1)[..., 0][near].mean() if near.any() else 0.0)
     return float(np.mean(errors))
 
 
