@@ -48,6 +48,7 @@ ENGINES = """## Pages for engines
 page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over, drawn at each size
 with the mip level that has texels of about a pixel. Pages are refined on their mip levels, those of *off* in half
 as many steps, unless no refined page passes its tests.
+Engines read mip levels 0.72 coarser on average, because billboards slant, and pages are refined for those.
 Engines draw the level at that size and smaller. Coverage is measured at 64². *off*: FLIP at {sizes}; *short*, *long*:
 relative to *off*."""
 
