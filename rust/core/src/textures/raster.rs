@@ -395,7 +395,7 @@ impl<'a> Tile<'a> {
         any
     }
 
-    /// Returns whether a triangle at a depth is in front of what a sample shows. Among equals, the first triangle is.
+    /// Returns whether a triangle at a depth hides the triangle that a sample shows. At equal depths the first triangle hides the other.
     fn is_nearer(&self, depth: f32, index: u32, sample: usize) -> bool {
         let shown = self.depths.get(sample);
         depth > shown

@@ -1,4 +1,4 @@
-//! The depth buffer of a tile, with the farthest depth of each cell of it: what lies behind that is hidden in the whole cell.
+//! The depth buffer of a tile, with the farthest depth of each of its cells. A triangle behind that depth is hidden in the whole cell.
 
 use std::ops::Range;
 
