@@ -11,13 +11,13 @@ use super::billboards::billboards;
 use super::cross;
 use super::level::Level;
 use super::refine::{LeafPictures, OnMips};
-use super::tune::{self, TONES};
+use super::tune::{self, MIP_COVERAGE, TONES};
 use crate::atlas::{Atlas, Region};
 use crate::error::Result;
 use crate::foliage::{AlphaMode, Image, Material};
 use crate::geometry::Frame;
 use crate::metrics::Reference;
-use crate::textures::{EnginePage, LightGrid, PagePart, Pictured, Sight, cut_outs, mips, recut, table, tone};
+use crate::textures::{EnginePage, LightGrid, PagePart, Pictured, Sight, bent, cut_outs, mips, recut, tone};
 
 /// Pages for engines, by the number of halvings, each made when it is first wanted.
 pub(super) type EnginePages = [OnceLock<EnginePage>; MOST_HALVINGS + 1];
@@ -35,10 +35,6 @@ const MOST_HALVINGS: usize = 3;
 
 /// Number of steps that refine a page by pictures. Refined levels take twice as many.
 const STEPS: usize = 4;
-
-/// Coverage of the mip levels of files, relative to the leaves. Engines draw leaf meshes with mip levels and one sample a pixel, and
-/// these cover some percent more than the leaves with many samples: this is between both.
-const MIP_COVERAGE: f64 = 1.02;
 
 /// Greatest error of ln coverage of a mip level.
 const MIP_COVERAGE_ERROR: f64 = 0.01;
@@ -82,10 +78,7 @@ impl Sharer {
         let Some(alone) = self.on_mips(cutoff, 1).filter(|alone| alone.sees(&image)) else { return Ok(image) };
         let image = alone.refined(image)?;
         let coarser = coarser.map(LightGrid::of);
-        let recut = |pivot: f64| {
-            let table = table(pivot as f32, cutoff);
-            image.mapped(|[r, g, b, alpha]| [r, g, b, table[alpha as usize]])
-        };
+        let recut = |pivot: f64| bent(&image, pivot as f32, cutoff);
         let excess = |pivot: f64| {
             let image = recut(pivot);
             let between = coarser.as_ref().map(|coarser| LightGrid::of(&image).halfway(coarser));

@@ -7,13 +7,13 @@
 //! Blocks of texels overlap in other places than the leaves on the page, so the same area on the polygons covers up to a tenth more of a picture,
 //! and shows other leaves: an oak was 4 % too bright. So pictures of the billboards correct the area and the mean color, on the mip levels that
 //! are seen first. Each part takes up to [`CORRECTIONS`] pages more, made by the best recipe alone. Then pictures refine the texels
-//! ([`Pictured::refined`]), if mip levels still keep their area.
+//! ([`Pictured::refined`]).
 
 use glam::Vec3;
 
 use super::cascade::{Keeping, Kept};
 use super::light_grid::LightGrid;
-use super::mips::{code_at_least, means, of_part};
+use super::mips::{code_at_least, of_part};
 use super::parts::{PagePart, apart, together};
 use super::tone;
 use crate::error::Result;
@@ -33,9 +33,6 @@ const COVERAGE_ERROR: f64 = 0.005;
 
 /// How much larger the error of the area on mip levels ([`Kept::error`]) may become by a correction.
 const WORSE: f64 = 0.15;
-
-/// How far the areas of the refined page on mip levels, relative to the first of them, may leave the range between those before and 1.
-const AREA_SLACK: f64 = 0.05;
 
 /// Range of the factors on the area.
 const AREAS: (f64, f64) = (0.7, 1.4);
@@ -92,9 +89,7 @@ impl EnginePage {
                 let shown = levels.iter().skip(first_seen.min(levels.len() - 1));
                 shown.map(|level| pictured.sight(number, level.to_image(), kept.cutoff)).collect()
             })?;
-            let refined = pictured.refined(number, image.clone(), cutoff)?;
-            let keeps = keeps_areas(keeping.kept_areas(&image, cutoff), keeping.kept_areas(&refined, cutoff));
-            Ok((if keeps { refined } else { image }, cutoff))
+            Ok((pictured.refined(number, image, cutoff)?, cutoff))
         };
         let made = apart(page, parts).into_iter().zip(parts).enumerate().map(of_part).collect::<Result<Vec<_>>>()?;
         let (images, cutoffs) = made.into_iter().unzip();
@@ -125,26 +120,6 @@ fn corrected(keeping: &Keeping, area: f64, sights: impl Fn(&Kept) -> Result<Vec<
     Ok((tone::scaled(&best.image, tone), best.cutoff))
 }
 
-impl Keeping<'_> {
-    /// Returns the areas on the mip levels that are seen first, relative to the first of them.
-    fn kept_areas(&self, image: &Image, cutoff: f32) -> Vec<f64> {
-        let levels = means(image).into_iter().skip(self.seen.1).take(PICTURED);
-        let area = |level: Image| self.polygons.share(&level.alpha(), level.width(), code_at_least(cutoff));
-        let areas: Vec<f64> = levels.map(area).collect();
-        areas.iter().map(|area| area / areas[0].max(f64::MIN_POSITIVE)).collect()
-    }
-}
-
-/// Returns whether mip levels keep the area of the first as before, or better.
-fn keeps_areas(before: Vec<f64>, now: Vec<f64>) -> bool {
-    before.into_iter().zip(now).all(|(before, now)| keeps_ratio(before, now, AREA_SLACK))
-}
-
-/// Returns whether a ratio lies between that before and 1, or at most `slack` outside.
-pub fn keeps_ratio(before: f64, now: f64, slack: f64) -> bool {
-    (before.min(1.0) - slack..=before.max(1.0) + slack).contains(&now)
-}
-
 /// Returns the squared error of the coverage: a denser first level must not make up for a sparser last one.
 fn error(seen: &[Sight]) -> f64 {
     seen.iter().map(|sight| (sight.coverage - 1.0).powi(2)).sum()
@@ -152,6 +127,7 @@ fn error(seen: &[Sight]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::mips::means;
     use super::*;
     use crate::atlas::Region;
 
@@ -249,38 +225,6 @@ mod tests {
             let close = |p: &[u8; 4]| p[0].abs_diff(20) <= 1 && p[1] == 90 && p[2].abs_diff(32) <= 1;
             assert!(image.pixels().iter().filter(|p| p[3] > 0).all(close), "{:?}", image.pixels()[0]);
         }
-    }
-
-    /// A refinement that leaves one texel of 64: the third mip level of its page shows nothing.
-    struct Dots;
-
-    impl Pictured for Dots {
-        fn sight(&self, _: usize, _: Image, _: f32) -> Result<Sight> {
-            Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
-        }
-
-        fn refined(&self, _: usize, image: Image, _: f32) -> Result<Image> {
-            let side = image.width();
-            let alpha = |i: usize| if i % 8 == 4 && i / side % 8 == 4 { 255 } else { 0 };
-            Ok(image.with_alpha((0..side * side).map(alpha).collect()))
-        }
-    }
-
-    #[test]
-    fn a_refined_page_that_loses_its_area_on_mip_levels_is_refused() {
-        let (page, part) = sparse(0.5);
-        let [wanted, found] = [
-            EnginePage::new(&page, std::slice::from_ref(&part), 1, &as_leaves()).unwrap(),
-            EnginePage::new(&page, std::slice::from_ref(&part), 1, &Dots).unwrap(),
-        ];
-        assert_eq!(found.image, wanted.image);
-    }
-
-    #[test]
-    fn areas_may_come_nearer_to_that_of_the_first_mip_level() {
-        let keeps = |before: f64, now: f64| keeps_areas(vec![1.0, before], vec![1.0, now]);
-        assert!(keeps(0.6, 0.98) && keeps(0.6, 1.04) && keeps(0.6, 0.56) && keeps(1.3, 1.0));
-        assert!(!keeps(0.6, 0.5) && !keeps(0.6, 1.1) && !keeps(1.3, 0.9) && !keeps(1.3, 1.4));
     }
 
     #[test]

@@ -18,6 +18,7 @@ mod parts;
 mod raster;
 mod recut;
 mod samples;
+mod shrunk;
 mod sky;
 pub(crate) mod tone;
 
@@ -28,7 +29,6 @@ use rayon::prelude::*;
 
 pub use channels::Channel;
 pub(crate) use dilate::{fill_gaps, fill_transparent};
-pub(crate) use engine_page::keeps_ratio;
 pub use engine_page::{EnginePage, Pictured, Sight};
 pub(crate) use light_grid::{LightGrid, light};
 pub use page::{Channels, Page};
@@ -37,9 +37,10 @@ pub(crate) use raster::rasterise_timed;
 pub use raster::{
     Canvas, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_seen, rasterise, seen_among,
 };
+pub(crate) use recut::bent;
 pub use recut::recut;
-pub(crate) use recut::table;
 pub use samples::Samples;
+pub(crate) use shrunk::shrunk;
 pub(crate) use sky::Shadow;
 #[cfg(test)]
 pub(crate) use sky::tests::tiers;

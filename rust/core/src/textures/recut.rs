@@ -41,8 +41,14 @@ fn scale(factor: f32) -> [u8; 256] {
     std::array::from_fn(|code| quantise(factor * code as f32 / 255.0))
 }
 
+/// Returns the image with alpha mapped linearly: 0 to the pivot becomes 0 to `cutoff`, the pivot to 1 becomes `cutoff` to 1.
+pub fn bent(image: &Image, pivot: f32, cutoff: f32) -> Image {
+    let table = table(pivot, cutoff);
+    image.mapped(|[r, g, b, alpha]| [r, g, b, table[alpha as usize]])
+}
+
 /// Returns the table that maps codes of alpha linearly: 0 to the pivot becomes 0 to `cutoff`, the pivot to 1 becomes `cutoff` to 1.
-pub fn table(pivot: f32, cutoff: f32) -> [u8; 256] {
+pub(super) fn table(pivot: f32, cutoff: f32) -> [u8; 256] {
     std::array::from_fn(|code| {
         let alpha = code as f32 / 255.0;
         let moved = if alpha < pivot {

@@ -16,13 +16,10 @@ use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::metrics::{View, Views, coverage, render};
 use crate::progress::Progress;
-use crate::textures::{Samples, light, mips};
+use crate::textures::{Samples, light, mips, shrunk};
 
 /// Side of the smallest pictures that decide on a level, in pixels.
 const SMALLEST: usize = 32;
-
-/// Side of the smallest pictures that refine pages for engines, in pixels.
-const SMALLEST_FOR_ENGINES: usize = 8;
 
 /// A view, and the picture of the leaves in it.
 pub type LeafView = (View, Image);
@@ -38,9 +35,9 @@ pub struct LeafViews {
 #[derive(Clone, Debug)]
 pub struct LeafPictures {
     /// In the views of the steps.
-    pub steps: LeafViews,
+    pub steps: Vec<LeafView>,
     /// In test views.
-    pub tests: LeafViews,
+    pub tests: Vec<LeafView>,
 }
 
 /// Number of turns for steps, and of views in each turn.
@@ -58,8 +55,7 @@ impl LeafPictures {
                 progress.tell("measure", 0.0)?;
                 Ok((view, render(parts, &view)?))
             };
-            let drawn = views.into_iter().map(picture).collect::<Result<_>>()?;
-            Ok(LeafViews::down_to(SMALLEST_FOR_ENGINES, drawn))
+            views.into_iter().map(picture).collect::<Result<Vec<_>>>()
         };
         let of_turn = |step: usize| views(around, up, size, (STEP_VIEWS.1, turn_of(step)));
         let steps = (0..STEP_VIEWS.0).map(of_turn).collect::<Result<Vec<_>>>()?.concat();
@@ -73,10 +69,25 @@ pub fn views(around: &Frame, up: DVec3, size: usize, (count, turn): (usize, f64)
     Ok(views.around(around).collect())
 }
 
+/// Returns the views with smaller pictures.
+pub fn of_size(pictures: &[LeafView], size: usize) -> Vec<LeafView> {
+    pictures.iter().map(|(view, picture)| (View { size, ..*view }, shrunk(picture, size, size))).collect()
+}
+
 /// What test views tell of a level.
 pub struct Look {
     pub error: f64,
     pub coverage: f64,
+}
+
+impl Look {
+    /// Returns the error of a level and its coverage relative to the leaves.
+    pub fn at(level: &Foliage, tests: &[LeafView]) -> Result<Self> {
+        let shown = tests.par_iter().map(|(view, _)| render(&[level], view)).collect::<Result<Vec<_>>>()?;
+        let pairs = || tests.iter().map(|(_, leaves)| leaves).zip(&shown);
+        let errors = pairs().map(|(leaves, level)| error(leaves, level, Vec3::ONE));
+        Ok(Self { error: errors.sum::<f64>() / shown.len() as f64, coverage: coverage(pairs()) })
+    }
 }
 
 /// Draws the leaves.
@@ -87,38 +98,14 @@ pub fn drawn(leaves: &Foliage, views: Vec<View>) -> Result<Vec<LeafView>> {
 impl LeafViews {
     /// Pictures that decide on a level.
     pub fn of(drawn: Vec<LeafView>) -> Self {
-        Self::down_to(SMALLEST, drawn)
-    }
-
-    fn down_to(smallest: usize, drawn: Vec<LeafView>) -> Self {
         let (views, pictures): (Vec<View>, Vec<Image>) = drawn.into_iter().unzip();
-        let halves = |picture: &Image| halves(picture).take_while(|half| half.width() >= smallest).collect();
+        let halves = |picture: &Image| halves(picture).take_while(|half| half.width() >= SMALLEST).collect();
         Self { views, leaves: pictures.iter().map(halves).collect() }
     }
 
     /// Returns the sides of the pictures in pixels, the largest first.
     pub fn sizes(&self) -> Vec<usize> {
         self.leaves.first().map_or(Vec::new(), |halves| halves.iter().map(Image::width).collect())
-    }
-
-    /// Returns the views with pictures of one of [`Self::sizes`].
-    pub fn of_size(&self, size: usize) -> Self {
-        let smaller = |halves: &Arc<[Image]>| halves.iter().filter(|half| half.width() <= size).cloned().collect();
-        let views = self.views.iter().map(|view| View { size, ..*view }).collect();
-        Self { views, leaves: self.leaves.iter().map(smaller).collect() }
-    }
-
-    /// Returns each view with its largest picture.
-    pub fn pictures(&self) -> impl Iterator<Item = (&View, &Image)> {
-        self.views.iter().zip(self.leaves.iter().map(|halves| &halves[0]))
-    }
-
-    /// Returns the error of a level and its coverage relative to the leaves, in the largest pictures.
-    pub fn look(&self, level: &Foliage) -> Result<Look> {
-        let shown = self.views.par_iter().map(|view| render(&[level], view)).collect::<Result<Vec<_>>>()?;
-        let pairs = || self.pictures().map(|(_, leaves)| leaves).zip(&shown);
-        let errors = pairs().map(|(leaves, level)| error(leaves, level, Vec3::ONE));
-        Ok(Look { error: errors.sum::<f64>() / shown.len() as f64, coverage: coverage(pairs()) })
     }
 
     /// Returns the errors of a level, with factors on its colors.

@@ -5,18 +5,19 @@
 //! of the image moves by the steps of all texels that contain it: the mean of a block answers to the pictures of a coarse level, its details to
 //! those of finer ones. For files with mip levels of their own, each mip level is refined alone ([`OnMips::mips`] is 1).
 //!
-//! The leaves are drawn once for all levels of a chain: coarser levels are compared with halves of these pictures. Test views decide: the image
-//! counts only if it is better in them on the whole, worse on no mip level, and keeps the coverage on all. Sums have a fixed order. O(steps ·
-//! levels · views · (pixels + fragments)) plus O(texels) a step, for each part of a shared page. Known limits: no texel gets alpha that has
-//! none; mip levels with texels finer than the pixels of all pictures get no credits of their own; mip levels that are smaller than all pictures
-//! get none either.
+//! The leaves are drawn once for all levels of a chain: mip levels are compared with smaller copies of these pictures. Test views decide: the
+//! image counts only if it is better in them on the whole, worse on no mip level ([`FIRST_WORSE`] tells of the first), and keeps the coverage
+//! on all. Coarse levels gain most by more alpha in all their texels, of which the finer ones then have too much: so the whole image gets less
+//! before each test ([`OnMips::balanced`]). Sums have a fixed order. O(steps · levels · views · (pixels + fragments)) plus O(texels) a step, for each
+//! part of a shared page. Known limits: no texel gets alpha that has none; mip levels with texels finer than the pixels of all pictures get no
+//! credits of their own; mip levels that are smaller than all pictures get none either.
 
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::credit::{Credits, Drawn};
 use super::gain::{Errors, Gain};
-use super::leaf_views::{LeafPictures, LeafViews, Look};
+use super::leaf_views::{LeafPictures, LeafView, Look, of_size};
 use super::picture::Target;
 use super::texels::{PRIOR, direction, mean_credit, slower};
 use crate::atlas::Atlas;
@@ -24,8 +25,9 @@ use crate::error::Result;
 use crate::foliage::{AlphaMode, Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::lod::billboards::billboards;
+use crate::lod::tune::{self, MIP_COVERAGE};
 use crate::metrics::View;
-use crate::textures::{LightGrid, keeps_ratio};
+use crate::textures::{LightGrid, bent};
 
 /// Billboards with a page for engines.
 pub struct OnMips<'a> {
@@ -43,7 +45,7 @@ pub struct OnMips<'a> {
 }
 
 /// Number of steps after which test views look at the image.
-const UNTIL_TEST: usize = 2;
+const UNTIL_TEST: usize = 4;
 
 /// Most texels of an image: larger ones stay, because a step takes some 90 bytes for each.
 const MOST_TEXELS: usize = 1 << 22;
@@ -57,6 +59,9 @@ const LEAST_VIEWS: usize = 3;
 /// weighted by the visible area, ∫ 2 c log2(1 / c) dc over c = cos θ from 0 to 1, is 1 / (2 ln 2).
 const TILT: f64 = 0.72;
 
+/// Side of the smallest pictures that refine a mip level, in pixels.
+const SMALLEST: usize = 8;
+
 /// Points along a pixel's side at which the billboards are looked at.
 const POINTS: usize = 2;
 
@@ -68,6 +73,10 @@ const COLOR: f32 = 2.0;
 
 /// Greatest change of alpha on each mip level, relative to alpha and half the cutoff.
 const ALPHA: f32 = 0.2;
+
+/// Weight of the first mip level with pictures in the direction of alpha: the other ones move the texels of a block together, and would win where
+/// an edge of the first one lies between them.
+const FIRST_WEIGHT: f32 = 2.0;
 
 /// Least alpha of a texel that has any, so that it can come back.
 const LEAST_ALPHA: f32 = 0.25 / 255.0;
@@ -85,7 +94,7 @@ struct Seen {
     /// Number of the mip level.
     mip: usize,
     steps: Vec<(View, Target)>,
-    tests: LeafViews,
+    tests: Vec<LeafView>,
 }
 
 impl OnMips<'_> {
@@ -108,11 +117,11 @@ impl OnMips<'_> {
             if (step + 1) % UNTIL_TEST != 0 {
                 continue;
             }
-            let image = grid.to_image();
+            let image = self.balanced(&grid.to_image(), &seen)?;
             let now = self.looks(&image, &seen)?;
             let gain = Gain::over(&first, &errors(&now));
             let keeps_coverage = now.iter().zip(&looks).all(|(now, first)| now.keeps_coverage_of(first));
-            if keeps_coverage && gain.is_better_than(&best.1) {
+            if keeps_coverage && keeps_errors(&gain) && gain.mean() < best.1.mean() {
                 best = (image, gain);
             }
         }
@@ -121,29 +130,49 @@ impl OnMips<'_> {
 
     /// Returns whether the image has at most [`MOST_TEXELS`], and pictures for any of its mip levels.
     pub fn sees(&self, image: &Image) -> bool {
-        image.pixels().len() <= MOST_TEXELS && !self.seen(image).is_empty()
+        image.pixels().len() <= MOST_TEXELS && self.sizes(image).next().is_some()
     }
 
-    /// Returns for each mip level the pictures in which its texels are nearest to a pixel, if there are any.
+    /// Returns the mip levels that have pictures, each with the size of a picture in pixels at which engines read it.
+    fn sizes(&self, image: &Image) -> impl Iterator<Item = (usize, usize)> {
+        let most = self.pictures.tests.first().map_or(0, |(view, _)| view.size);
+        let radius = self.pictures.tests.first().map_or(0.0, |(view, _)| view.radius);
+        let texel = self.atlas.texel() * self.frame.radius * self.atlas.size.width as f64 / image.width() as f64;
+        let size = move |mip: usize| (2.0 * radius / texel * libm::exp2(TILT - mip as f64)).round() as usize;
+        let count = (image.width().max(image.height()).ilog2() as usize + 1).min(self.mips);
+        (0..count).map(move |mip| (mip, size(mip))).filter(move |(_, size)| (SMALLEST..=most).contains(size))
+    }
+
+    /// Returns the pictures for each mip level, if it has any.
     fn seen(&self, image: &Image) -> Vec<Seen> {
         let LeafPictures { steps, tests } = self.pictures;
-        let Some((view, _)) = steps.pictures().next() else { return Vec::new() };
-        let texel = self.atlas.texel() * self.frame.radius * self.atlas.size.width as f64 / image.width() as f64;
-        // Halvings of the pictures for mip level 0; below 0 for texels that are finer than their pixels.
-        let halvings = (libm::log2(view.size as f64 * texel / (2.0 * view.radius)) + TILT).round() as isize;
-        let of_mip = |mip: u32| {
-            let size = *tests.sizes().get(usize::try_from(halvings.saturating_add(mip as isize)).ok()?)?;
-            let own = steps.of_size(size);
-            let own = own.pictures().map(|(view, image)| (*view, Target::of(image))).collect();
-            Some(Seen { mip: mip as usize, steps: own, tests: tests.of_size(size) })
+        let of_mip = |(mip, size)| {
+            let steps = of_size(steps, size).into_iter();
+            Seen {
+                mip,
+                steps: steps.map(|(view, image)| (view, Target::of(&image))).collect(),
+                tests: of_size(tests, size),
+            }
         };
-        let count = image.width().max(image.height()).ilog2() + 1;
-        (0..count).take(self.mips).filter_map(of_mip).collect()
+        self.sizes(image).map(of_mip).collect()
+    }
+
+    /// Returns the image with other alpha, so that as many mip levels cover more as cover less than the leaves.
+    fn balanced(&self, image: &Image, seen: &[Seen]) -> Result<Image> {
+        let recut = |pivot: f64| bent(image, pivot as f32, self.cutoff);
+        let excess = |pivot: f64| {
+            let mut covered: Vec<f64> = self.looks(&recut(pivot), seen)?.iter().map(|look| look.coverage).collect();
+            covered.sort_by(f64::total_cmp);
+            Ok(libm::log(covered[covered.len() / 2].max(1e-9) / MIP_COVERAGE))
+        };
+        let pivot = tune::least_excess(f64::from(self.cutoff), tune::CUTOFF_RANGE, COVERAGE_ERROR, excess)?;
+        Ok(recut(pivot))
     }
 
     /// Looks at each mip level in the test views.
     fn looks(&self, image: &Image, seen: &[Seen]) -> Result<Vec<Look>> {
-        let look = |(level, seen): (LightGrid, &Seen)| seen.tests.look(&self.shown(level.to_image(), self.cutoff)?);
+        let look =
+            |(level, seen): (LightGrid, &Seen)| Look::at(&self.shown(level.to_image(), self.cutoff)?, &seen.tests);
         with_levels(LightGrid::of(image), seen).map(look).collect()
     }
 
@@ -168,7 +197,8 @@ impl OnMips<'_> {
             };
             let all: Vec4 = moves.iter().map(at).sum();
             let rgb = (value.truncate() + color * all.truncate()).clamp(Vec3::ZERO, Vec3::ONE);
-            let moved = value.w + alpha * all.w * (value.w + 0.5 * self.cutoff);
+            let direction = all.w + (FIRST_WEIGHT - 1.0) * at(&moves[0]).w;
+            let moved = value.w + alpha * direction * (value.w + 0.5 * self.cutoff);
             // A texel without alpha stays so: gutters, and places far from all leaves.
             *value = rgb.extend(if value.w > 0.0 { moved.clamp(LEAST_ALPHA, 1.0) } else { 0.0 });
         });
@@ -188,18 +218,34 @@ impl OnMips<'_> {
     }
 }
 
-/// How far the coverage of a mip level may leave the range between that before and that of the leaves.
-const COVERAGE_SLACK: f64 = 0.03;
+/// Greatest error of ln coverage in the middle of the mip levels.
+const COVERAGE_ERROR: f64 = 0.01;
 
-/// How far the coverage may cross the coverage of the leaves, relative to its former distance from it.
+/// How far the coverage of a mip level, relative to [`MIP_COVERAGE`], may leave the range between that before and 1.
+const COVERAGE_SLACK: f64 = 0.05;
+
+/// How far the coverage may cross [`MIP_COVERAGE`], relative to its former distance from it.
 const BEYOND: f64 = 0.5;
 
 impl Look {
-    /// Returns whether the coverage is about as near to that of the leaves as before, or nearer.
+    /// Returns whether the coverage is about as near to [`MIP_COVERAGE`] as before, or nearer.
     fn keeps_coverage_of(&self, first: &Self) -> bool {
-        let distance = (self.coverage - 1.0).abs();
-        keeps_ratio(first.coverage, self.coverage, COVERAGE_SLACK) || distance <= BEYOND * (first.coverage - 1.0).abs()
+        let [before, now] = [first, self].map(|look| look.coverage / MIP_COVERAGE);
+        let (low, high) = (before.min(1.0) - COVERAGE_SLACK, before.max(1.0) + COVERAGE_SLACK);
+        (low..=high).contains(&now) || (now - 1.0).abs() <= BEYOND * (before - 1.0).abs()
     }
+}
+
+/// Largest error of the first mip level with pictures, relative to that before. Trilinear filters mix it in where it is too fine, up to the
+/// distance at which the next one suits; other mip levels may not become worse.
+const FIRST_WORSE: f64 = 1.05;
+
+/// Returns whether no mip level becomes worse, but for the first within [`FIRST_WORSE`].
+fn keeps_errors(gain: &Gain) -> bool {
+    gain.errors
+        .iter()
+        .zip([FIRST_WORSE].into_iter().chain(std::iter::repeat(1.0)))
+        .all(|((_, ratio), most)| *ratio <= most)
 }
 
 /// Returns the error on each mip level.
@@ -233,9 +279,16 @@ mod tests {
 
     #[test]
     fn coverage_comes_nearer_to_that_of_the_leaves_or_stays() {
-        let look = |coverage: f64| Look { error: 0.1, coverage };
+        let look = |coverage: f64| Look { error: 0.1, coverage: coverage * MIP_COVERAGE };
         let keeps = |before: f64, now: f64| look(now).keeps_coverage_of(&look(before));
-        assert!(keeps(1.17, 1.0) && keeps(1.17, 1.19) && keeps(1.17, 0.92) && keeps(0.8, 1.09));
-        assert!(!keeps(1.17, 0.84) && !keeps(1.17, 1.21) && !keeps(0.8, 0.76) && !keeps(0.8, 1.2));
+        assert!(keeps(1.17, 1.0) && keeps(1.17, 1.21) && keeps(1.17, 0.92) && keeps(0.8, 1.09));
+        assert!(!keeps(1.17, 0.84) && !keeps(1.17, 1.23) && !keeps(0.8, 0.74) && !keeps(0.8, 1.2));
+    }
+
+    #[test]
+    fn only_the_first_mip_level_may_become_a_little_worse() {
+        let keeps = |ratios: [f64; 3]| keeps_errors(&Gain { errors: ratios.into_iter().enumerate().collect() });
+        assert!(keeps([1.0, 0.9, 1.0]) && keeps([1.04, 0.7, 0.6]));
+        assert!(!keeps([1.06, 0.7, 0.6]) && !keeps([0.7, 1.01, 0.6]) && !keeps([0.7, 0.7, 1.01]));
     }
 }

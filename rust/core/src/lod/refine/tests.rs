@@ -1,6 +1,7 @@
 use glam::{DVec3, Vec2, Vec4};
 
 use super::credit::Credit;
+use super::leaf_views::of_size;
 use super::*;
 use crate::Error;
 use crate::atlas::Region;
@@ -320,8 +321,7 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
         of_mip.map(|mip| (mip.tone - 1.0).abs()).fold(0.0, f32::max)
     };
     // With small pictures, the first mip levels of the whole page are finer than pixels.
-    let sizes = kept.tests.sizes();
-    for (halvings, size) in [(1, sizes[0]), (0, sizes[sizes.len() - 1])] {
+    for (halvings, size) in [(1, kept.tests[0].0.size), (0, 32)] {
         let (image, cutoff) = level.for_engines(halvings);
         let dark = image.mapped(|[r, g, b, a]| [r / 2, g / 2, b / 2, a]);
         let on_mips = OnMips {
@@ -331,10 +331,30 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
             cutoff,
             steps: 8,
             mips: usize::MAX,
-            pictures: &LeafPictures { steps: kept.steps.of_size(size), tests: kept.tests.of_size(size) },
+            pictures: &LeafPictures { steps: of_size(&kept.steps, size), tests: of_size(&kept.tests, size) },
         };
         assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
         let found = far(&on_mips.refined(dark).unwrap(), cutoff);
         assert!(found < 0.15, "{halvings} halvings, pictures of {size} pixels: {found}");
     }
+}
+
+#[test]
+fn a_page_for_engines_that_covers_too_little_covers_more() {
+    let foliage = bush(200);
+    let level = level(&foliage, Refinement::Short);
+    let (image, cutoff) = level.for_engines(0);
+    let sparse = image.mapped(|[r, g, b, a]| [r, g, b, a / 2]);
+    let on_mips = OnMips {
+        atlas: &level.atlas,
+        frame: &level.frame,
+        material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
+        cutoff,
+        steps: 4,
+        mips: usize::MAX,
+        pictures: level.refine_by.as_ref().unwrap(),
+    };
+    let coverage = |page: &Image| page_seen(&foliage, &level, page, cutoff)[1].coverage;
+    let (before, after) = (coverage(&sparse), coverage(&on_mips.refined(sparse.clone()).unwrap()));
+    assert!(before < 0.92 && (0.95..1.06).contains(&after), "{before}, then {after}");
 }
