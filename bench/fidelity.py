@@ -43,6 +43,8 @@ TREE_LIMIT = 200_000
 EPSILON, CANDIDATES, SEED = "0.04", "600", "1"
 TEXELS = 8_388_608
 SIZE, VIEWS = 256, 8
+PICTURE_RADIUS = 1.025
+"""Half the width of a picture, in R."""
 SIZES = ("256", "64")
 SAMPLES, JUDGED = 32, 16
 """Samples along a pixel's side, in Cycles (cross and sloppy have half as many) and in the metrics."""
@@ -137,6 +139,26 @@ def judged(base: leafcloud.Foliage, model: Path, names: list[str]) -> Pictures:
     return rendered(base, [leafcloud.read_gltf(str(model), names=names)], SIZE)
 
 
+def directions() -> list[tuple[float, float, float]]:
+    """Return the directions from the crown to the eye in the compared views."""
+    golden = math.pi * (3.0 - math.sqrt(5.0))
+    heights = [1.0 - 1.5 * (i + 0.5) / VIEWS for i in range(VIEWS)]
+    across = [math.sqrt(1.0 - z * z) for z in heights]
+    return [
+        (r * math.cos(i * golden), r * math.sin(i * golden), z)
+        for i, (r, z) in enumerate(zip(across, heights, strict=True))
+    ]
+
+
+def premultiplied(pictures: Sequence[NDArray[np.uint8]]) -> Pictures:
+    """Return pictures with straight sRGB codes as premultiplied linear light."""
+    codes = np.stack(pictures).astype(np.float32) / 255.0
+    light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    light[..., 3] = codes[..., 3]
+    light[..., :3] *= light[..., 3:]
+    return light
+
+
 def rendered(
     base: leafcloud.Foliage,
     shown: Shown,
@@ -145,21 +167,14 @@ def rendered(
     sun: tuple[float, float, float] | None = None,
 ) -> Pictures:
     """Render views of parts or of an impostor that the sphere of `base` fills, with the project's own renderer."""
-    golden = math.pi * (3.0 - math.sqrt(5.0))
+    frame = {"centre": base.world_centre.tolist(), "radius": PICTURE_RADIUS * base.radius, "sun": sun}
     pictures = []
-    for i in range(VIEWS):
-        z = 1.0 - 1.5 * (i + 0.5) / VIEWS
-        direction = (math.sqrt(1.0 - z * z) * math.cos(i * golden), math.sqrt(1.0 - z * z) * math.sin(i * golden), z)
-        frame = {"centre": base.world_centre.tolist(), "radius": 1.025 * base.radius, "sun": sun}
+    for direction in directions():
         if isinstance(shown, leafcloud.OctahedralLevel):
             pictures.append(shown.render(direction, size, samples=samples, **frame))
         else:
             pictures.append(leafcloud.render(shown, direction, size, samples=samples, filtered=False, **frame))
-    codes = np.stack(pictures).astype(np.float32) / 255.0
-    light = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    light[..., 3] = codes[..., 3]
-    light[..., :3] *= light[..., 3:]
-    return light
+    return premultiplied(pictures)
 
 
 def smaller(pictures: Pictures, times: int) -> Pictures:

@@ -16,8 +16,9 @@ import numpy as np
 import relit
 from fidelity import LEVELS, ROOT, Pictures, flip, rendered, run, smaller
 from flat_views import bounding_sphere
+from read_pages import fans
 from refine_checks import REFINED
-from refine_levels import LARGEST, Subject, errors, fans
+from refine_levels import LARGEST, Subject, errors
 
 import leafcloud
 from addon.bake.values import Baked
@@ -45,7 +46,7 @@ def write_level(level: leafcloud.Level, file: Path) -> Path:
     arrays = [
         np.stack([x, z, -y], axis=1).astype("<f4"),
         np.stack([u, 1.0 - v], axis=1).astype("<f4"),
-        fans(level.polygon_sizes).ravel().astype("<u4"),
+        fans(level.polygon_sizes)[0].ravel().astype("<u4"),
     ]
     primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
     material = {

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import stage  # noqa: F401 - makes the add-on importable
 from fidelity import (
     CANDIDATES,
     KEPT,
     LEVELS,
-    ROOT,
+    PICTURE_RADIUS,
     SEED,
     Pictures,
     coverage,
@@ -24,7 +22,7 @@ from fidelity import (
     rendered,
     smaller,
 )
-from numpy.typing import NDArray
+from read_pages import Page, pictures_as_read
 from refine_checks import SIZES
 
 import leafcloud
@@ -34,17 +32,12 @@ from addon.plan.pages import halvings
 from addon.plan.quality import distance_of, switch_sizes
 from addon.settings.bake import BakeSettings
 
-sys.path.insert(0, str(ROOT / "tests" / "support"))
-from box_mips import box_filtered
-
 LARGEST, SAMPLES = 512, 8
 """Side of the pictures, and samples along a pixel's side. Smaller pictures are means of these."""
 SMALL = 64
 """Side of the pictures in which the coverage of pages for engines is measured: about where levels take over."""
 MOST_SAMPLES = 16
 """Most samples along a side of a pixel that the metrics take."""
-PICTURE_RADIUS = 1.025
-"""Half the width of a picture, in R (bench/fidelity.py)."""
 PAPER: dict[str, Any] = {"effort": "literal", "candidates": int(CANDIDATES), "seed": int(SEED), "extra_error": 0.0}
 """The fit of the published method."""
 BAKES: dict[str, dict[str, Any]] = {effort: {"refine": effort} for effort in ("off", "short", "long")}
@@ -142,32 +135,14 @@ def size_nearest(crown: float) -> int:
 
 
 def engine_errors(seen: Pictures, base: leafcloud.Foliage, level: leafcloud.Level, halved: int) -> dict[str, float]:
-    """Return the errors of the billboards with the page of a GLB file, by the size of the pictures, and the coverage at
-    SMALL. At each size, the billboards have the mip level with texels nearest to a pixel, as an engine makes it."""
-    page, cutoff = level.for_engines(halved)
-    mips = box_filtered(page)
+    """Return the errors of the billboards with the page of a GLB file as engines read it, by the size of the pictures,
+    and the coverage at SMALL."""
+    page = Page(level, halved)
     found = {}
     for size in SIZES:
-        texels_per_pixel = 2.0 * PICTURE_RADIUS * base.radius / size / (level.texel_size * 2**halved)
-        mip = min(max(round(math.log2(texels_per_pixel)), 0), len(mips) - 1)
-        leaf = leafcloud.Material(image=mips[mip], alpha_mode="MASK", alpha_cutoff=cutoff)
-        shown = leafcloud.Foliage(level.corners, fans(level.polygon_sizes), uvs=level.uvs, materials=[leaf])
-        pictures = rendered(base, [shown], size, min(SAMPLES * LARGEST // size, MOST_SAMPLES))
+        pictures = pictures_as_read(base, page, size, min(SAMPLES * LARGEST // size, MOST_SAMPLES))
         leaves = smaller(seen, LARGEST // size)
         found[str(size)] = flip(leaves, pictures)
         if size == SMALL:
             found["coverage"] = coverage(leaves, pictures)
     return found
-
-
-def fans(corners: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """Return the triangles (t, 3) of polygons with so many `corners` each, one after another."""
-    sizes = corners.astype(np.int64)
-    firsts = np.cumsum(sizes) - sizes
-    return np.array(
-        [
-            [first, first + i, first + i + 1]
-            for first, size in zip(firsts, sizes, strict=True)
-            for i in range(1, size - 1)
-        ]
-    )

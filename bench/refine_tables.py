@@ -45,12 +45,11 @@ FLIP of level 1 against the seconds of its fit, its bake and its refinement, on 
 ENGINES = """## Pages for engines
 
 [Files for engines](../decisions/engine_textures.md) halve and filter textures again. These are the same levels with the
-page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over, drawn at each size
-with the mip level that has texels of about a pixel. Pages are refined on their mip levels, those of *off* in half
-as many steps, unless no refined page passes its tests.
-Engines read mip levels 0.72 coarser on average, because billboards slant, and pages are refined for those.
-Engines draw the level at that size and smaller. Coverage is measured at 64². *off*: FLIP at {sizes}; *short*, *long*:
-relative to *off*."""
+page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over. Each billboard is read
+as graphics cards read it: between the two mip levels that suit its slant and the size of pixels
+(`bench/read_pages.py`). Pages are refined on their mip levels, those of *off* in half as many steps, unless no refined
+page passes its tests. Engines draw the level at that size and smaller. Coverage is measured at 64². *off*: FLIP at
+{sizes}; *short*, *long*: relative to *off*."""
 
 CYCLES = """## In Cycles
 
