@@ -1,4 +1,4 @@
-"""Pictures of billboards with a page as engines read it: mip levels that the engine makes, trilinear filters.
+"""Billboards with a page as engines read it: mip levels that the engine makes, trilinear filters.
 
 Graphics cards choose the mip level by the longer of the two steps, in texels, to the neighbors of a pixel in its row
 and in its column (OpenGL 4.6, section 8.14.1). In a parallel view a billboard has the same steps everywhere. So each is
@@ -10,14 +10,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
-from fidelity import PICTURE_RADIUS, ROOT, Pictures, directions, premultiplied
 from numpy.typing import NDArray
 
 import leafcloud
 
-sys.path.insert(0, str(ROOT / "tests" / "support"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from box_mips import box_filtered, encoded, linear
 
 Floats = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Page:
         doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals = np.zeros((len(level.polygon_sizes), 3))
         np.add.at(normals, self.owners, doubled)
-        self.normals: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        self.normals: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-30)
         self.material = cache(self._material)
 
     def _material(self, step: int) -> leafcloud.Material:
@@ -56,14 +56,6 @@ class Page:
         for step in np.unique(steps):
             part = self.triangles[steps[self.owners] == step]
             yield leafcloud.Foliage(self.level.corners, part, uvs=self.level.uvs, materials=[self.material(int(step))])
-
-
-def pictures_as_read(base: leafcloud.Foliage, page: Page, size: int, samples: int) -> Pictures:
-    """Render the compared views of a page as an engine reads it."""
-    radius = PICTURE_RADIUS * base.radius
-    frame = {"centre": base.world_centre.tolist(), "radius": radius, "samples": samples, "filtered": False}
-    views = ((list(page.read(direction, 2.0 * radius / size)), direction) for direction in directions())
-    return premultiplied([leafcloud.render(parts, direction, size, **frame) for parts, direction in views])
 
 
 def slants(normals: Floats, direction: Floats) -> Floats:

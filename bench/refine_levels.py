@@ -17,12 +17,14 @@ from fidelity import (
     SEED,
     Pictures,
     coverage,
+    directions,
     flip,
     make_alternatives,
+    premultiplied,
     rendered,
     smaller,
 )
-from read_pages import Page, pictures_as_read
+from read_pages import Page
 from refine_checks import SIZES
 
 import leafcloud
@@ -132,6 +134,14 @@ def file_size(level: leafcloud.Level, radius: float) -> tuple[int, float]:
 def size_nearest(crown: float) -> int:
     """Return the size of the pictures in which a crown is nearest to so many pixels."""
     return min(SIZES, key=lambda size: abs(math.log(size / PICTURE_RADIUS / crown)))
+
+
+def pictures_as_read(base: leafcloud.Foliage, page: Page, size: int, samples: int) -> Pictures:
+    """Render the compared views of a page as an engine reads it."""
+    radius = PICTURE_RADIUS * base.radius
+    frame = {"centre": base.world_centre.tolist(), "radius": radius, "samples": samples, "filtered": False}
+    views = ((list(page.read(direction, 2.0 * radius / size)), direction) for direction in directions())
+    return premultiplied([leafcloud.render(parts, direction, size, **frame) for parts, direction in views])
 
 
 def engine_errors(seen: Pictures, base: leafcloud.Foliage, level: leafcloud.Level, halved: int) -> dict[str, float]:

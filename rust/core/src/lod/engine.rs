@@ -11,7 +11,7 @@ use super::billboards::billboards;
 use super::cross;
 use super::level::Level;
 use super::refine::{LeafPictures, OnMips};
-use super::tune::{self, MIP_COVERAGE, TONES};
+use super::tune::{self, MIP_COVERAGE, MIP_COVERAGE_ERROR, TONES};
 use crate::atlas::{Atlas, Region};
 use crate::error::Result;
 use crate::foliage::{AlphaMode, Image, Material};
@@ -35,9 +35,6 @@ const MOST_HALVINGS: usize = 3;
 
 /// Number of steps that refine a page by pictures. Refined levels take twice as many.
 const STEPS: usize = 4;
-
-/// Greatest error of ln coverage of a mip level.
-const MIP_COVERAGE_ERROR: f64 = 0.01;
 
 /// A tree on an atlas page.
 #[derive(Clone, Debug)]

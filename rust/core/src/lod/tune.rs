@@ -18,9 +18,12 @@ use crate::metrics::{Agreement, Reference, Views};
 use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
 
-/// Coverage of the mip levels of files, and of the image of which engines make them, relative to the leaves. Engines draw leaf meshes with mip
+/// Coverage of refined mip levels in files for engines, relative to the leaves. Engines draw leaf meshes with mip
 /// levels and one sample a pixel, and these cover some percent more than the leaves with many samples: this is between both.
 pub const MIP_COVERAGE: f64 = 1.02;
+
+/// Greatest error of its logarithm.
+pub const MIP_COVERAGE_ERROR: f64 = 0.01;
 
 /// Candidate stretch limits.
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];

@@ -7,8 +7,8 @@
 //!
 //! The leaves are drawn once for all levels of a chain: mip levels are compared with smaller copies of these pictures. Test views decide: the
 //! image counts only if it is better in them on the whole, worse on no mip level ([`FIRST_WORSE`] tells of the first), and keeps the coverage
-//! on all. Coarse levels gain most by more alpha in all their texels, of which the finer ones then have too much: so the whole image gets less
-//! before each test ([`OnMips::balanced`]). Sums have a fixed order. O(steps · levels · views · (pixels + fragments)) plus O(texels) a step, for each
+//! on all. Coarse levels gain most by more alpha in all their texels, of which the finer ones then have too much: so the whole image gets other
+//! alpha before each test ([`OnMips::balanced`]). Sums have a fixed order. O(steps · levels · views · (pixels + fragments)) plus O(texels) a step, for each
 //! part of a shared page. Known limits: no texel gets alpha that has none; mip levels with texels finer than the pixels of all pictures get no
 //! credits of their own; mip levels that are smaller than all pictures get none either.
 
@@ -25,7 +25,7 @@ use crate::error::Result;
 use crate::foliage::{AlphaMode, Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::lod::billboards::billboards;
-use crate::lod::tune::{self, MIP_COVERAGE};
+use crate::lod::tune::{self, MIP_COVERAGE, MIP_COVERAGE_ERROR};
 use crate::metrics::View;
 use crate::textures::{LightGrid, bent};
 
@@ -54,10 +54,11 @@ const MOST_TEXELS: usize = 1 << 22;
 const VIEWS_BY_SIZE: usize = 640;
 const LEAST_VIEWS: usize = 3;
 
-/// Number by which the mip level that engines read exceeds the one that suits the size of texels, on average. They read the one for the
-/// larger derivative: log2(1 / cos θ) more for a billboard at the angle θ to the picture, and any cos θ is as frequent as any other. The mean
-/// weighted by the visible area, ∫ 2 c log2(1 / c) dc over c = cos θ from 0 to 1, is 1 / (2 ln 2).
-const TILT: f64 = 0.72;
+/// Number by which the mip level that engines read exceeds the one that suits the size of texels, on average. They read the one for the longer
+/// of the steps in texels to the next pixel in a row and in a column: log2(1 + t² max(cos² φ, sin² φ)) / 2 more for a billboard at the angle θ to
+/// the picture, with t = tan θ, that is slanted in the direction φ. The mean over φ, and over c = cos θ from 0 to 1 with the visible area 2 c, is
+/// 0.647.
+const TILT: f64 = 0.65;
 
 /// Side of the smallest pictures that refine a mip level, in pixels.
 const SMALLEST: usize = 8;
@@ -71,7 +72,7 @@ const BAND: f32 = 0.4;
 /// Greatest factor on the mean of the color steps of all mip levels. Above 1, because each level has a step of its own.
 const COLOR: f32 = 2.0;
 
-/// Greatest change of alpha on each mip level, relative to alpha and half the cutoff.
+/// Greatest change of alpha for each mip level, before its weight, relative to alpha and half the cutoff.
 const ALPHA: f32 = 0.2;
 
 /// Weight of the first mip level with pictures in the direction of alpha: the other ones move the texels of a block together, and would win where
@@ -114,10 +115,12 @@ impl OnMips<'_> {
         let mut best = (image, Gain::none(&first));
         for step in 0..self.steps {
             self.move_texels(&mut grid, &seen, step)?;
-            if (step + 1) % UNTIL_TEST != 0 {
+            if (step + 1) % UNTIL_TEST != 0 && step + 1 != self.steps {
                 continue;
             }
-            let image = self.balanced(&grid.to_image(), &seen)?;
+            let image = grid.to_image();
+            // Mip levels of files get the coverage of their tree afterwards, with those that are mixed with them.
+            let image = if self.mips > 1 { self.balanced(&image, &seen)? } else { image };
             let now = self.looks(&image, &seen)?;
             let gain = Gain::over(&first, &errors(&now));
             let keeps_coverage = now.iter().zip(&looks).all(|(now, first)| now.keeps_coverage_of(first));
@@ -134,7 +137,7 @@ impl OnMips<'_> {
     }
 
     /// Returns the mip levels that have pictures, each with the size of a picture in pixels at which engines read it.
-    fn sizes(&self, image: &Image) -> impl Iterator<Item = (usize, usize)> {
+    pub fn sizes(&self, image: &Image) -> impl Iterator<Item = (usize, usize)> {
         let most = self.pictures.tests.first().map_or(0, |(view, _)| view.size);
         let radius = self.pictures.tests.first().map_or(0.0, |(view, _)| view.radius);
         let texel = self.atlas.texel() * self.frame.radius * self.atlas.size.width as f64 / image.width() as f64;
@@ -157,15 +160,16 @@ impl OnMips<'_> {
         self.sizes(image).map(of_mip).collect()
     }
 
-    /// Returns the image with other alpha, so that as many mip levels cover more as cover less than the leaves.
+    /// Returns the image with other alpha, so that as many mip levels cover more than [`MIP_COVERAGE`] as cover less.
     fn balanced(&self, image: &Image, seen: &[Seen]) -> Result<Image> {
         let recut = |pivot: f64| bent(image, pivot as f32, self.cutoff);
         let excess = |pivot: f64| {
             let mut covered: Vec<f64> = self.looks(&recut(pivot), seen)?.iter().map(|look| look.coverage).collect();
             covered.sort_by(f64::total_cmp);
-            Ok(libm::log(covered[covered.len() / 2].max(1e-9) / MIP_COVERAGE))
+            let middle = 0.5 * (covered[(covered.len() - 1) / 2] + covered[covered.len() / 2]);
+            Ok(libm::log(middle.max(1e-9) / MIP_COVERAGE))
         };
-        let pivot = tune::least_excess(f64::from(self.cutoff), tune::CUTOFF_RANGE, COVERAGE_ERROR, excess)?;
+        let pivot = tune::least_excess(f64::from(self.cutoff), tune::CUTOFF_RANGE, MIP_COVERAGE_ERROR, excess)?;
         Ok(recut(pivot))
     }
 
@@ -217,9 +221,6 @@ impl OnMips<'_> {
         Ok(Moves::of(seen.mip, level, &Credits::joined(each.collect::<Result<_>>()?)))
     }
 }
-
-/// Greatest error of ln coverage in the middle of the mip levels.
-const COVERAGE_ERROR: f64 = 0.01;
 
 /// How far the coverage of a mip level, relative to [`MIP_COVERAGE`], may leave the range between that before and 1.
 const COVERAGE_SLACK: f64 = 0.05;

@@ -340,6 +340,34 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
 }
 
 #[test]
+fn mip_levels_have_pictures_of_the_size_at_which_engines_read_slanting_billboards() {
+    let level = level(&bush(200), Refinement::Short);
+    let pictures = level.refine_by.as_ref().unwrap();
+    for halvings in [0, 1] {
+        let (image, cutoff) = level.for_engines(halvings);
+        let on_mips = OnMips {
+            atlas: &level.atlas,
+            frame: &level.frame,
+            material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
+            cutoff,
+            steps: 4,
+            mips: usize::MAX,
+            pictures,
+        };
+        let (view, texel) = (pictures.tests[0].0, level.atlas.texel() * level.frame.radius * f64::from(1 << halvings));
+        let sizes: Vec<(usize, usize)> = on_mips.sizes(image).collect();
+        assert!(sizes.len() > 2 && sizes.iter().all(|(_, size)| (8..=view.size).contains(size)), "{sizes:?}");
+        for (mip, size) in sizes.into_iter().filter(|(_, size)| *size > 16) {
+            let read = (2.0 * view.radius / size as f64 / texel).log2() + 0.647;
+            assert!(
+                (read - mip as f64).abs() < 0.05,
+                "{halvings} halvings, pictures of {size} pixels: {read}, not {mip}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_page_for_engines_that_covers_too_little_covers_more() {
     let foliage = bush(200);
     let level = level(&foliage, Refinement::Short);
