@@ -3,8 +3,6 @@
 //! The error of a picture is the sum of absolute differences of codes over gray, for each pixel of the leaves: sums in a fixed order, so it is the
 //! same on any machine, which FLIP is not.
 
-use std::sync::Arc;
-
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -25,10 +23,9 @@ const SMALLEST: usize = 32;
 pub type LeafView = (View, Image);
 
 /// Pictures of the leaves in some views of one size, each with its halves.
-#[derive(Clone, Debug)]
 pub struct LeafViews {
     views: Vec<View>,
-    leaves: Vec<Arc<[Image]>>,
+    leaves: Vec<Vec<Image>>,
 }
 
 /// Pictures of a tree by which its pages for engines are refined.

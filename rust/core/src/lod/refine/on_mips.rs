@@ -7,8 +7,8 @@
 //!
 //! The leaves are drawn once for all levels of a chain: mip levels are compared with smaller copies of these pictures. Test views decide: the
 //! image counts only if it is better in them on the whole, worse on no mip level ([`FIRST_WORSE`] tells of the first), and keeps the coverage
-//! on all. Coarse levels gain most by more alpha in all their texels, of which the finer ones then have too much: so the whole image gets other
-//! alpha before each test ([`OnMips::balanced`]). Sums have a fixed order. O(steps · levels · views · (pixels + fragments)) plus O(texels) a step, for each
+//! on all. Coarse levels gain most by more alpha in all their texels; fine levels then cover too much. So alpha of the whole image is balanced
+//! between them before each test ([`OnMips::balanced`]). Sums have a fixed order. O(steps · levels · views · (pixels + fragments)) plus O(texels) a step, for each
 //! part of a shared page. Known limits: no texel gets alpha that has none; mip levels with texels finer than the pixels of all pictures get no
 //! credits of their own; mip levels that are smaller than all pictures get none either.
 
@@ -75,8 +75,8 @@ const COLOR: f32 = 2.0;
 /// Greatest change of alpha for each mip level, before its weight, relative to alpha and half the cutoff.
 const ALPHA: f32 = 0.2;
 
-/// Weight of the first mip level with pictures in the direction of alpha: the other ones move the texels of a block together, and would win where
-/// an edge of the first one lies between them.
+/// Weight of the first of several mip levels with pictures in the direction of alpha: the other ones move the texels of a block together, and
+/// would win where an edge of the first one lies between them.
 const FIRST_WEIGHT: f32 = 2.0;
 
 /// Least alpha of a texel that has any, so that it can come back.
@@ -138,8 +138,7 @@ impl OnMips<'_> {
 
     /// Returns the mip levels that have pictures, each with the size of a picture in pixels at which engines read it.
     pub fn sizes(&self, image: &Image) -> impl Iterator<Item = (usize, usize)> {
-        let most = self.pictures.tests.first().map_or(0, |(view, _)| view.size);
-        let radius = self.pictures.tests.first().map_or(0.0, |(view, _)| view.radius);
+        let (most, radius) = self.pictures.tests.first().map_or((0, 0.0), |(view, _)| (view.size, view.radius));
         let texel = self.atlas.texel() * self.frame.radius * self.atlas.size.width as f64 / image.width() as f64;
         let size = move |mip: usize| (2.0 * radius / texel * libm::exp2(TILT - mip as f64)).round() as usize;
         let count = (image.width().max(image.height()).ilog2() as usize + 1).min(self.mips);
@@ -192,6 +191,7 @@ impl OnMips<'_> {
         let slower = slower(step);
         let color = slower * (COLOR / moves.len() as f32).min(1.0);
         let (alpha, width) = (slower * ALPHA, grid.0.width);
+        let more_of_first = if moves.len() > 1 { FIRST_WEIGHT - 1.0 } else { 0.0 };
         grid.0.pixels.par_iter_mut().enumerate().for_each(|(texel, value)| {
             let at = |moves: &Moves| {
                 // Texels beyond the last column or row of an odd side take its step.
@@ -201,7 +201,7 @@ impl OnMips<'_> {
             };
             let all: Vec4 = moves.iter().map(at).sum();
             let rgb = (value.truncate() + color * all.truncate()).clamp(Vec3::ZERO, Vec3::ONE);
-            let direction = all.w + (FIRST_WEIGHT - 1.0) * at(&moves[0]).w;
+            let direction = all.w + more_of_first * at(&moves[0]).w;
             let moved = value.w + alpha * direction * (value.w + 0.5 * self.cutoff);
             // A texel without alpha stays so: gutters, and places far from all leaves.
             *value = rgb.extend(if value.w > 0.0 { moved.clamp(LEAST_ALPHA, 1.0) } else { 0.0 });

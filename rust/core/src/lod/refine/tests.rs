@@ -311,6 +311,15 @@ fn levels_have_pictures_for_engines_unless_few_views_are_wanted_or_alpha_is_cove
     assert_eq!(has_pictures(&|settings| settings.blended = true), [false, false]);
 }
 
+fn page_material(level: &Level, cutoff: f32) -> Material {
+    Material { image: None, ..level.page.material(cutoff, !level.two_sided) }
+}
+
+/// Returns a refinement of a level's page for engines, in four steps.
+fn on_all_mips<'a>(level: &'a Level, material: &'a Material, cutoff: f32, pictures: &'a LeafPictures) -> OnMips<'a> {
+    OnMips { atlas: &level.atlas, frame: &level.frame, material, cutoff, pictures, steps: 4, mips: usize::MAX }
+}
+
 #[test]
 fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
     let foliage = bush(200);
@@ -324,15 +333,9 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
     for (halvings, size) in [(1, kept.tests[0].0.size), (0, 32)] {
         let (image, cutoff) = level.for_engines(halvings);
         let dark = image.mapped(|[r, g, b, a]| [r / 2, g / 2, b / 2, a]);
-        let on_mips = OnMips {
-            atlas: &level.atlas,
-            frame: &level.frame,
-            material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
-            cutoff,
-            steps: 8,
-            mips: usize::MAX,
-            pictures: &LeafPictures { steps: of_size(&kept.steps, size), tests: of_size(&kept.tests, size) },
-        };
+        let pictures = LeafPictures { steps: of_size(&kept.steps, size), tests: of_size(&kept.tests, size) };
+        let material = page_material(&level, cutoff);
+        let on_mips = OnMips { steps: 8, ..on_all_mips(&level, &material, cutoff, &pictures) };
         assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
         let found = far(&on_mips.refined(dark).unwrap(), cutoff);
         assert!(found < 0.15, "{halvings} halvings, pictures of {size} pixels: {found}");
@@ -345,15 +348,8 @@ fn mip_levels_have_pictures_of_the_size_at_which_engines_read_slanting_billboard
     let pictures = level.refine_by.as_ref().unwrap();
     for halvings in [0, 1] {
         let (image, cutoff) = level.for_engines(halvings);
-        let on_mips = OnMips {
-            atlas: &level.atlas,
-            frame: &level.frame,
-            material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
-            cutoff,
-            steps: 4,
-            mips: usize::MAX,
-            pictures,
-        };
+        let material = page_material(&level, cutoff);
+        let on_mips = on_all_mips(&level, &material, cutoff, pictures);
         let (view, texel) = (pictures.tests[0].0, level.atlas.texel() * level.frame.radius * f64::from(1 << halvings));
         let sizes: Vec<(usize, usize)> = on_mips.sizes(image).collect();
         assert!(sizes.len() > 2 && sizes.iter().all(|(_, size)| (8..=view.size).contains(size)), "{sizes:?}");
@@ -373,15 +369,8 @@ fn a_page_for_engines_that_covers_too_little_covers_more() {
     let level = level(&foliage, Refinement::Short);
     let (image, cutoff) = level.for_engines(0);
     let sparse = image.mapped(|[r, g, b, a]| [r, g, b, a / 2]);
-    let on_mips = OnMips {
-        atlas: &level.atlas,
-        frame: &level.frame,
-        material: &Material { image: None, ..level.page.material(cutoff, !level.two_sided) },
-        cutoff,
-        steps: 4,
-        mips: usize::MAX,
-        pictures: level.refine_by.as_ref().unwrap(),
-    };
+    let material = page_material(&level, cutoff);
+    let on_mips = on_all_mips(&level, &material, cutoff, level.refine_by.as_ref().unwrap());
     let coverage = |page: &Image| page_seen(&foliage, &level, page, cutoff)[1].coverage;
     let (before, after) = (coverage(&sparse), coverage(&on_mips.refined(sparse.clone()).unwrap()));
     assert!(before < 0.92 && (0.95..1.06).contains(&after), "{before}, then {after}");
