@@ -20,8 +20,10 @@ BASIS = ROOT / "engines" / "babylon" / "node_modules" / "@babylonjs" / "core" / 
 TRANSCODER = "/engines/babylon/node_modules/@babylonjs/core/assets/Basis"
 DIRECTIONS = [
     (math.cos(2.4 * i) * math.sqrt(1.0 - up * up), up, math.sin(2.4 * i) * math.sqrt(1.0 - up * up))
-    for i, up in enumerate(np.linspace(0.0, 0.8, 16).tolist())
+    for i, up in enumerate(np.linspace(0.0, 0.8, 48).tolist())
 ]
+"""From the tree to the eye. A crown at its hand-overs has some 65 pixels in the picture: the coverage of few of them is
+noise."""
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +57,7 @@ def test_hand_overs_keep_the_coverage(tree: Path) -> None:
         changes = []
         for number, distance in enumerate(hand_overs(levels_of(tree))):
             before, after = (coverage(drawn(tree, transcoder, level, distance)) for level in (number, number + 1))
-            assert before > 300
+            assert before > 900
             changes.append(abs(math.log(after / before)))
         errors[transcoder] = changes
     assert max(errors[TRANSCODER]) < 0.08

@@ -69,10 +69,10 @@ impl Sharer {
         refine_by.as_ref().map(|pictures| OnMips { atlas, frame, material, cutoff, pictures, steps: *steps, mips })
     }
 
-    /// Returns a mip level of a file, refined, with the coverage and the mean color of the leaves; unchanged if no picture shows it. `coarser`: the
-    /// next level; trilinear filters mix both.
+    /// Returns a mip level of a file with the coverage and the mean color of the leaves, refined if pictures show it; unchanged without pictures.
+    /// `coarser`: the next level; trilinear filters mix both.
     fn settled(&self, image: Image, coarser: Option<&Image>, cutoff: f32) -> Result<Image> {
-        let Some(alone) = self.on_mips(cutoff, 1).filter(|alone| alone.sees(&image)) else { return Ok(image) };
+        let Some(alone) = self.on_mips(cutoff, 1) else { return Ok(image) };
         let image = alone.refined(image)?;
         let coarser = coarser.map(LightGrid::of);
         let recut = |pivot: f64| bent(&image, pivot as f32, cutoff);
