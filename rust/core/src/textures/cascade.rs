@@ -7,7 +7,8 @@
 //! thresholds of Castaño, "Computing Alpha Mipmaps", 2010, which need mip levels of their own in the file.)
 //!
 //! Which levels count and which cutoff is best depends on the page, so several are tried. A sparse page needs a low cutoff: a texel of a
-//! coarse level reaches it then although leaves cover little of it. O(texels) for each area; some thousand areas are measured.
+//! coarse level reaches it then although leaves cover little of it. O(texels) for each area; some thousand areas are measured. The area does
+//! not tell how a page looks: pictures decide between the best pages of all cutoffs.
 //!
 //! `docs/bench/engines.md` lists the coverage on screen. Known limits: on sparse pages of thin leaves one of the first three levels may be
 //! two fifths too dense, and the fourth is too thin; shapes at level 0 follow those of the coarser levels, so silhouettes are softer
@@ -93,13 +94,15 @@ pub struct Keeping<'a> {
 }
 
 impl Keeping<'_> {
-    /// Returns the page with the best recipe.
+    /// Returns the best page of each cutoff that is tried, the best of all first.
     #[must_use]
-    pub fn best(&self, area: f64) -> Kept {
+    pub fn best_of_cutoffs(&self, area: f64) -> Vec<Kept> {
         let recipes = recipes(self.page.pixels().len(), self.seen.1).into_par_iter();
-        let tried: Vec<Kept> = recipes.map(|recipe| self.tried(area, recipe)).collect();
-        let best = tried.into_iter().reduce(|best, other| if other.error < best.error { other } else { best });
-        best.expect("there are recipes")
+        let mut tried: Vec<Kept> = recipes.map(|recipe| self.tried(area, recipe)).collect();
+        tried.sort_by(|one, other| one.error.total_cmp(&other.error));
+        let mut known = Vec::new();
+        tried.retain(|kept| !known.contains(&kept.recipe.cutoff) && { known.push(kept.recipe.cutoff); true });
+        tried
     }
 
     /// Returns a page that shows another area, made as `kept`.
@@ -286,7 +289,7 @@ mod tests {
     fn kept(page: &Image, cutoff: f32) -> (Image, f32) {
         let polygons = OnPolygons::new(&vec![1.0; SIDE * SIDE], SIDE, 1 << 14);
         let keeping = Keeping { page, seen: (cutoff, 0), polygons: &polygons };
-        let Kept { image, cutoff, .. } = keeping.best(mask::area(&page.alpha(), SIDE, cutoff, 1));
+        let Kept { image, cutoff, .. } = keeping.best_of_cutoffs(mask::area(&page.alpha(), SIDE, cutoff, 1)).swap_remove(0);
         (image, cutoff)
     }
 

@@ -6,8 +6,8 @@
 //!
 //! Blocks of texels overlap in other places than the leaves on the page, so the same area on the polygons covers up to a tenth more of a picture,
 //! and shows other leaves: an oak was 4 % too bright. So pictures of the billboards correct the area and the mean color, on the mip levels that
-//! are seen first. Each part takes up to [`CORRECTIONS`] pages more, made by the best recipe alone. Then pictures refine the texels
-//! ([`Pictured::refined`]).
+//! are seen first: up to [`CORRECTIONS`] pages more, by the same recipe. Pictures also decide between pages with several cutoffs, and refine the
+//! texels of the best ([`Pictured::refined`]).
 
 use glam::Vec3;
 
@@ -63,11 +63,12 @@ pub trait Pictured {
     /// No billboard has an area.
     fn sight(&self, part: usize, image: Image, cutoff: f32) -> Result<Sight>;
 
-    /// Returns the image of a part, refined by pictures of the leaves; unchanged without such pictures.
+    /// Returns that of several images of a part, each with its cutoff, that looks most like the leaves, refined; the first one, unchanged,
+    /// without pictures of the leaves.
     ///
     /// # Errors
-    /// No billboard has an area.
-    fn refined(&self, part: usize, image: Image, cutoff: f32) -> Result<Image>;
+    /// Those of the images; no billboard has an area.
+    fn refined(&self, part: usize, images: impl Iterator<Item = Result<(Image, f32)>>) -> Result<(Image, f32)>;
 }
 
 impl EnginePage {
@@ -84,12 +85,13 @@ impl EnginePage {
             let small = of_part(&page, part, halvings).pop().unwrap_or(page);
             let first_seen = part.first_seen.saturating_sub(halvings);
             let keeping = Keeping { page: &small, seen: (part.alpha_cutoff, first_seen), polygons: &polygons };
-            let (image, cutoff) = corrected(&keeping, area, |kept| {
+            let sights = |kept: &Kept| {
                 let levels: Vec<LightGrid> = LightGrid::of(&kept.image).levels(first_seen + PICTURED).collect();
                 let shown = levels.iter().skip(first_seen.min(levels.len() - 1));
                 shown.map(|level| pictured.sight(number, level.to_image(), kept.cutoff)).collect()
-            })?;
-            Ok((pictured.refined(number, image, cutoff)?, cutoff))
+            };
+            let of_cutoffs = keeping.best_of_cutoffs(area).into_iter();
+            pictured.refined(number, of_cutoffs.map(|kept| corrected(kept, &keeping, area, sights)))
         };
         let made = apart(page, parts).into_iter().zip(parts).enumerate().map(of_part).collect::<Result<Vec<_>>>()?;
         let (images, cutoffs) = made.into_iter().unzip();
@@ -99,8 +101,12 @@ impl EnginePage {
 
 /// Returns the image and the cutoff with the coverage and the mean color of the leaves, as nearly as mip levels can keep them. `sights`: of
 /// these levels.
-fn corrected(keeping: &Keeping, area: f64, sights: impl Fn(&Kept) -> Result<Vec<Sight>>) -> Result<(Image, f32)> {
-    let mut best = keeping.best(area);
+fn corrected(
+    mut best: Kept,
+    keeping: &Keeping,
+    area: f64,
+    sights: impl Fn(&Kept) -> Result<Vec<Sight>>,
+) -> Result<(Image, f32)> {
     let mut seen = sights(&best)?;
     let mut factor = 1.0;
     for _ in 0..CORRECTIONS {
@@ -139,8 +145,8 @@ mod tests {
             Ok((self.0)(image, cutoff))
         }
 
-        fn refined(&self, _: usize, image: Image, _: f32) -> Result<Image> {
-            Ok(image)
+        fn refined(&self, _: usize, mut images: impl Iterator<Item = Result<(Image, f32)>>) -> Result<(Image, f32)> {
+            images.next().expect("there is an image")
         }
     }
 

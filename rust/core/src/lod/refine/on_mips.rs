@@ -131,6 +131,19 @@ impl OnMips<'_> {
         Ok(best.0)
     }
 
+    /// Returns the mean of the logarithms of the errors on the mip levels with pictures; the same for all images without any.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    pub fn error(&self, image: &Image) -> Result<f64> {
+        if !self.sees(image) {
+            return Ok(0.0);
+        }
+        let seen = self.seen(image);
+        let looks = self.looks(image, &seen)?;
+        Ok(looks.iter().map(|look| libm::log(look.error.max(1e-9))).sum::<f64>() / looks.len() as f64)
+    }
+
     /// Returns whether the image has at most [`MOST_TEXELS`], and pictures for any of its mip levels.
     pub fn sees(&self, image: &Image) -> bool {
         image.pixels().len() <= MOST_TEXELS && self.sizes(image).next().is_some()
