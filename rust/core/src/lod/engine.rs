@@ -36,9 +36,6 @@ const MOST_HALVINGS: usize = 3;
 /// Number of steps that refine a page by pictures. Refined levels take twice as many.
 const STEPS: usize = 4;
 
-/// Number of pages with different cutoffs that are refined, those that look best before: a refinement gains more for some.
-const REFINED: usize = 2;
-
 /// A tree on an atlas page.
 #[derive(Clone, Debug)]
 pub(super) struct Sharer {
@@ -76,7 +73,7 @@ impl Sharer {
     /// `coarser`: the next level; trilinear filters mix both.
     fn settled(&self, image: Image, coarser: Option<&Image>, cutoff: f32) -> Result<Image> {
         let Some(alone) = self.on_mips(cutoff, 1) else { return Ok(image) };
-        let image = alone.refined(image)?;
+        let image = alone.refined(&image)?.unwrap_or(image);
         let coarser = coarser.map(LightGrid::of);
         let recut = |pivot: f64| bent(&image, pivot as f32, cutoff);
         let excess = |pivot: f64| {
@@ -108,23 +105,12 @@ impl Pictured for [Sharer] {
         self[part].sight(image, cutoff)
     }
 
-    fn refined(&self, part: usize, images: impl Iterator<Item = Result<(Image, f32)>>) -> Result<(Image, f32)> {
-        let mut compared = Vec::new();
-        for found in images {
-            let (image, cutoff) = found?;
-            let Some(on_mips) = self[part].on_mips(cutoff, usize::MAX) else { return Ok((image, cutoff)) };
-            compared.push((on_mips.error(&image)?, image, on_mips));
-        }
-        // Stable: the first of several that look alike stays first.
-        compared.sort_by(|(one, ..), (other, ..)| one.total_cmp(other));
-        let refined = |(_, image, on_mips): (f64, Image, OnMips)| {
-            let image = on_mips.refined(image)?;
-            Ok((on_mips.error(&image)?, image, on_mips.cutoff))
-        };
-        let refined = compared.into_iter().take(REFINED).map(refined).collect::<Result<Vec<_>>>()?;
-        let best = refined.into_iter().min_by(|(one, ..), (other, ..)| one.total_cmp(other));
-        let (_, image, cutoff) = best.expect("there is an image");
-        Ok((image, cutoff))
+    fn error(&self, part: usize, image: &Image, cutoff: f32) -> Result<Option<f64>> {
+        self[part].on_mips(cutoff, usize::MAX).map(|on_mips| on_mips.error(image)).transpose()
+    }
+
+    fn refined(&self, part: usize, image: &Image, cutoff: f32) -> Result<Option<Image>> {
+        self[part].on_mips(cutoff, usize::MAX).map_or(Ok(None), |on_mips| on_mips.refined(image))
     }
 }
 

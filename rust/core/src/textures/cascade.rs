@@ -100,9 +100,13 @@ impl Keeping<'_> {
         let recipes = recipes(self.page.pixels().len(), self.seen.1).into_par_iter();
         let mut tried: Vec<Kept> = recipes.map(|recipe| self.tried(area, recipe)).collect();
         tried.sort_by(|one, other| one.error.total_cmp(&other.error));
-        let mut known = Vec::new();
-        tried.retain(|kept| !known.contains(&kept.recipe.cutoff) && { known.push(kept.recipe.cutoff); true });
-        tried
+        let mut best: Vec<Kept> = Vec::new();
+        for kept in tried {
+            if best.iter().all(|better| better.recipe.cutoff.to_bits() != kept.recipe.cutoff.to_bits()) {
+                best.push(kept);
+            }
+        }
+        best
     }
 
     /// Returns a page that shows another area, made as `kept`.
@@ -289,7 +293,8 @@ mod tests {
     fn kept(page: &Image, cutoff: f32) -> (Image, f32) {
         let polygons = OnPolygons::new(&vec![1.0; SIDE * SIDE], SIDE, 1 << 14);
         let keeping = Keeping { page, seen: (cutoff, 0), polygons: &polygons };
-        let Kept { image, cutoff, .. } = keeping.best_of_cutoffs(mask::area(&page.alpha(), SIDE, cutoff, 1)).swap_remove(0);
+        let Kept { image, cutoff, .. } =
+            keeping.best_of_cutoffs(mask::area(&page.alpha(), SIDE, cutoff, 1)).swap_remove(0);
         (image, cutoff)
     }
 

@@ -6,8 +6,8 @@
 //!
 //! Blocks of texels overlap in other places than the leaves on the page, so the same area on the polygons covers up to a tenth more of a picture,
 //! and shows other leaves: an oak was 4 % too bright. So pictures of the billboards correct the area and the mean color, on the mip levels that
-//! are seen first: up to [`CORRECTIONS`] pages more, by the same recipe. Pictures also decide between pages with several cutoffs, and refine the
-//! texels of the best ([`Pictured::refined`]).
+//! are seen first: up to [`CORRECTIONS`] pages more, by the same recipe. Pictures also choose the cutoff, and refine the texels
+//! ([`Pictured::refined`]); where they cannot, the next best cutoff gets a chance.
 
 use glam::Vec3;
 
@@ -27,6 +27,9 @@ const PICTURED: usize = 3;
 
 /// Most corrections of the area.
 const CORRECTIONS: usize = 2;
+
+/// Most cutoffs with which a page is refined.
+const REFINED: usize = 2;
 
 /// Error of the coverage that needs no correction.
 const COVERAGE_ERROR: f64 = 0.005;
@@ -63,12 +66,17 @@ pub trait Pictured {
     /// No billboard has an area.
     fn sight(&self, part: usize, image: Image, cutoff: f32) -> Result<Sight>;
 
-    /// Returns that of several images of a part, each with its cutoff, that looks most like the leaves, refined; the first one, unchanged,
-    /// without pictures of the leaves.
+    /// Returns how much a part with an image and a cutoff differs from the leaves on all mip levels; `None` without pictures of the leaves.
     ///
     /// # Errors
-    /// Those of the images; no billboard has an area.
-    fn refined(&self, part: usize, images: impl Iterator<Item = Result<(Image, f32)>>) -> Result<(Image, f32)>;
+    /// No billboard has an area.
+    fn error(&self, part: usize, image: &Image, cutoff: f32) -> Result<Option<f64>>;
+
+    /// Returns the image of a part, refined by pictures of the leaves; `None` if it does not become better, and without such pictures.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    fn refined(&self, part: usize, image: &Image, cutoff: f32) -> Result<Option<Image>>;
 }
 
 impl EnginePage {
@@ -90,13 +98,32 @@ impl EnginePage {
                 let shown = levels.iter().skip(first_seen.min(levels.len() - 1));
                 shown.map(|level| pictured.sight(number, level.to_image(), kept.cutoff)).collect()
             };
-            let of_cutoffs = keeping.best_of_cutoffs(area).into_iter();
-            pictured.refined(number, of_cutoffs.map(|kept| corrected(kept, &keeping, area, sights)))
+            let mut first = None;
+            for kept in chosen(keeping.best_of_cutoffs(area), |kept| pictured.error(number, &kept.image, kept.cutoff))?
+            {
+                let (image, cutoff) = corrected(kept, &keeping, area, sights)?;
+                if let Some(refined) = pictured.refined(number, &image, cutoff)? {
+                    return Ok((refined, cutoff));
+                }
+                first.get_or_insert((image, cutoff));
+            }
+            Ok(first.expect("there is a page"))
         };
         let made = apart(page, parts).into_iter().zip(parts).enumerate().map(of_part).collect::<Result<Vec<_>>>()?;
         let (images, cutoffs) = made.into_iter().unzip();
         Ok(Self { image: together(images, parts, halvings), cutoffs })
     }
+}
+
+/// Returns the pages that are worth a refinement, that of the least error first; the first one if there are no errors.
+fn chosen(pages: Vec<Kept>, error: impl Fn(&Kept) -> Result<Option<f64>>) -> Result<Vec<Kept>> {
+    let mut compared = Vec::new();
+    for page in pages {
+        let Some(error) = error(&page)? else { return Ok(vec![page]) };
+        compared.push((error, page));
+    }
+    compared.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    Ok(compared.into_iter().take(REFINED).map(|(_, page)| page).collect())
 }
 
 /// Returns the image and the cutoff with the coverage and the mean color of the leaves, as nearly as mip levels can keep them. `sights`: of
@@ -145,8 +172,12 @@ mod tests {
             Ok((self.0)(image, cutoff))
         }
 
-        fn refined(&self, _: usize, mut images: impl Iterator<Item = Result<(Image, f32)>>) -> Result<(Image, f32)> {
-            images.next().expect("there is an image")
+        fn error(&self, _: usize, _: &Image, _: f32) -> Result<Option<f64>> {
+            Ok(None)
+        }
+
+        fn refined(&self, _: usize, _: &Image, _: f32) -> Result<Option<Image>> {
+            Ok(None)
         }
     }
 

@@ -99,20 +99,20 @@ struct Seen {
 }
 
 impl OnMips<'_> {
-    /// Returns the image after refinement; unchanged if it did not become better, if it has more than [`MOST_TEXELS`], or if its texels are larger
+    /// Returns the image after refinement; `None` if it does not become better, if it has more than [`MOST_TEXELS`], or if its texels are larger
     /// than the pixels of all pictures.
     ///
     /// # Errors
     /// No billboard has an area.
-    pub fn refined(&self, image: Image) -> Result<Image> {
-        if !self.sees(&image) {
-            return Ok(image);
+    pub fn refined(&self, image: &Image) -> Result<Option<Image>> {
+        if !self.sees(image) {
+            return Ok(None);
         }
-        let seen = self.seen(&image);
-        let mut grid = LightGrid::of(&image);
-        let looks = self.looks(&image, &seen)?;
+        let seen = self.seen(image);
+        let mut grid = LightGrid::of(image);
+        let looks = self.looks(image, &seen)?;
         let first = errors(&looks);
-        let mut best = (image, Gain::none(&first));
+        let mut best = (None, Gain::none(&first));
         for step in 0..self.steps {
             self.move_texels(&mut grid, &seen, step)?;
             if (step + 1) % UNTIL_TEST != 0 && step + 1 != self.steps {
@@ -125,7 +125,7 @@ impl OnMips<'_> {
             let gain = Gain::over(&first, &errors(&now));
             let keeps_coverage = now.iter().zip(&looks).all(|(now, first)| now.keeps_coverage_of(first));
             if keeps_coverage && keeps_errors(&gain) && gain.mean() < best.1.mean() {
-                best = (image, gain);
+                best = (Some(image), gain);
             }
         }
         Ok(best.0)

@@ -337,7 +337,7 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
         let material = page_material(&level, cutoff);
         let on_mips = OnMips { steps: 8, ..on_all_mips(&level, &material, cutoff, &pictures) };
         assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
-        let found = far(&on_mips.refined(dark).unwrap(), cutoff);
+        let found = far(&on_mips.refined(&dark).unwrap().unwrap(), cutoff);
         assert!(found < 0.15, "{halvings} halvings, pictures of {size} pixels: {found}");
     }
 }
@@ -372,6 +372,6 @@ fn a_page_for_engines_that_covers_too_little_covers_more() {
     let material = page_material(&level, cutoff);
     let on_mips = on_all_mips(&level, &material, cutoff, level.refine_by.as_ref().unwrap());
     let coverage = |page: &Image| page_seen(&foliage, &level, page, cutoff)[1].coverage;
-    let (before, after) = (coverage(&sparse), coverage(&on_mips.refined(sparse.clone()).unwrap()));
+    let (before, after) = (coverage(&sparse), coverage(&on_mips.refined(&sparse).unwrap().unwrap()));
     assert!(before < 0.92 && (0.95..1.06).contains(&after), "{before}, then {after}");
 }
