@@ -131,7 +131,8 @@ def test_a_file_is_like_itself_and_a_level_is_near_the_leaves(
     _, level = inspected(capsys, folder / "shrub_LOD1.glb", "--against", shrub)
     errors = [each["flip"] for each in level["scores"]]
     assert errors == sorted(errors, reverse=True)
-    assert 0.0 < errors[-1] < 0.1
+    # The crown has 27 pixels here, and level 1 takes over at 19: its page is made for these and for fewer.
+    assert 0.0 < errors[-1] < 0.12
     assert 0.8 < level["scores"][0]["coverage"] < 1.2
     assert level["scores"][0]["cost"] < 1.0
 

@@ -120,7 +120,7 @@ def test_levels_and_their_laws_look_as_with_webgl(
     backend: str, pruned_bake: Path, views: list[dict[str, Any]], by_webgl: list[dict[str, Any]]
 ) -> None:
     for picture, other in zip(drawn(backend, pruned_bake, views), by_webgl, strict=True):
-        agree(picture, other)
+        agree(picture, other, 0.04)  # Most on the cross impostor from near; a law that is missing makes more than 0.1.
         assert picture["triangles"] == other["triangles"] + 1  # WebGPURenderer copies its picture by a triangle.
 
 
