@@ -106,7 +106,7 @@ impl Pictured for [Sharer] {
     }
 
     fn error(&self, part: usize, image: &Image, cutoff: f32) -> Result<Option<f64>> {
-        self[part].on_mips(cutoff, usize::MAX).map(|on_mips| on_mips.error(image)).transpose()
+        self[part].on_mips(cutoff, usize::MAX).map_or(Ok(None), |on_mips| on_mips.error(image))
     }
 
     fn refined(&self, part: usize, image: &Image, cutoff: f32) -> Result<Option<Image>> {

@@ -66,7 +66,7 @@ pub trait Pictured {
     /// No billboard has an area.
     fn sight(&self, part: usize, image: Image, cutoff: f32) -> Result<Sight>;
 
-    /// Returns how much a part with an image and a cutoff differs from the leaves on all mip levels; `None` without pictures of the leaves.
+    /// Returns how much a part with an image and a cutoff differs from the leaves on all mip levels; `None` without pictures that show it.
     ///
     /// # Errors
     /// No billboard has an area.
@@ -262,6 +262,47 @@ mod tests {
             let close = |p: &[u8; 4]| p[0].abs_diff(20) <= 1 && p[1] == 90 && p[2].abs_diff(32) <= 1;
             assert!(image.pixels().iter().filter(|p| p[3] > 0).all(close), "{:?}", image.pixels()[0]);
         }
+    }
+
+    /// Pictures that like a page the more, the closer its cutoff is to one, and blacken a page that they refine.
+    struct Liking {
+        cutoff: f32,
+        /// Range of cutoffs of the pages that become better.
+        refined: std::ops::Range<f32>,
+    }
+
+    impl Pictured for Liking {
+        fn sight(&self, _: usize, _: Image, _: f32) -> Result<Sight> {
+            Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
+        }
+
+        fn error(&self, _: usize, _: &Image, cutoff: f32) -> Result<Option<f64>> {
+            Ok(Some(f64::from(cutoff / self.cutoff).ln().abs()))
+        }
+
+        fn refined(&self, _: usize, image: &Image, cutoff: f32) -> Result<Option<Image>> {
+            Ok(self.refined.contains(&cutoff).then(|| image.mapped(|[.., alpha]| [0, 0, 0, alpha])))
+        }
+    }
+
+    #[test]
+    fn pictures_choose_the_cutoff() {
+        let (page, part) = sparse(0.5);
+        let made = |cutoff: f32, refined: std::ops::Range<f32>| {
+            let EnginePage { image, cutoffs } =
+                EnginePage::new(&page, std::slice::from_ref(&part), 0, &Liking { cutoff, refined }).unwrap();
+            (cutoffs[0], image.pixels().iter().all(|p| p[0] == 0))
+        };
+        // Cutoffs are tried at 0.08, 0.14, 0.24 and 0.4, each with 15 % more or less.
+        for liked in [0.08, 0.4] {
+            let (cutoff, refined) = made(liked, 0.0..1.0);
+            assert!((cutoff / liked - 1.0).abs() < 0.16 && refined, "{liked}: {cutoff}");
+        }
+        // The best one cannot be refined: the next best, which can, is better; the best, if none can.
+        let (cutoff, refined) = made(0.4, 0.0..0.3);
+        assert!((cutoff / 0.24 - 1.0).abs() < 0.16 && refined, "{cutoff}");
+        let (cutoff, refined) = made(0.4, 0.0..0.0);
+        assert!((cutoff / 0.4 - 1.0).abs() < 0.16 && !refined, "{cutoff}");
     }
 
     #[test]

@@ -131,17 +131,16 @@ impl OnMips<'_> {
         Ok(best.0)
     }
 
-    /// Returns the mean of the logarithms of the errors on the mip levels with pictures; the same for all images without any.
+    /// Returns the mean of the logarithms of the errors on the mip levels with pictures; `None` without any.
     ///
     /// # Errors
     /// No billboard has an area.
-    pub fn error(&self, image: &Image) -> Result<f64> {
+    pub fn error(&self, image: &Image) -> Result<Option<f64>> {
         if !self.sees(image) {
-            return Ok(0.0);
+            return Ok(None);
         }
-        let seen = self.seen(image);
-        let looks = self.looks(image, &seen)?;
-        Ok(looks.iter().map(|look| libm::log(look.error.max(1e-9))).sum::<f64>() / looks.len() as f64)
+        let looks = self.looks(image, &self.seen(image))?;
+        Ok(Some(looks.iter().map(|look| libm::log(look.error.max(1e-9))).sum::<f64>() / looks.len() as f64))
     }
 
     /// Returns whether the image has at most [`MOST_TEXELS`], and pictures for any of its mip levels.
