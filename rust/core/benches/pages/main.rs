@@ -83,8 +83,12 @@ impl Pictured for AsLeaves {
         Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
     }
 
-    fn refined(&self, _: usize, image: Image, _: f32) -> Result<Image> {
-        Ok(image)
+    fn error(&self, _: usize, _: &Image, _: f32) -> Result<Option<f64>> {
+        Ok(None)
+    }
+
+    fn refined(&self, _: usize, _: &Image, _: f32) -> Result<Option<Image>> {
+        Ok(None)
     }
 }
 

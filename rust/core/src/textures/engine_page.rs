@@ -98,16 +98,10 @@ impl EnginePage {
                 let shown = levels.iter().skip(first_seen.min(levels.len() - 1));
                 shown.map(|level| pictured.sight(number, level.to_image(), kept.cutoff)).collect()
             };
-            let mut first = None;
-            for kept in chosen(keeping.best_of_cutoffs(area), |kept| pictured.error(number, &kept.image, kept.cutoff))?
-            {
-                let (image, cutoff) = corrected(kept, &keeping, area, sights)?;
-                if let Some(refined) = pictured.refined(number, &image, cutoff)? {
-                    return Ok((refined, cutoff));
-                }
-                first.get_or_insert((image, cutoff));
-            }
-            Ok(first.expect("there is a page"))
+            let of_cutoffs = keeping.best_of_cutoffs(area);
+            let worth = chosen(of_cutoffs, |kept| pictured.error(number, &kept.image, kept.cutoff))?;
+            let corrected = worth.into_iter().map(|kept| corrected(kept, &keeping, area, sights));
+            first_refined(corrected, |image, cutoff| pictured.refined(number, image, cutoff))
         };
         let made = apart(page, parts).into_iter().zip(parts).enumerate().map(of_part).collect::<Result<Vec<_>>>()?;
         let (images, cutoffs) = made.into_iter().unzip();
@@ -124,6 +118,22 @@ fn chosen(pages: Vec<Kept>, error: impl Fn(&Kept) -> Result<Option<f64>>) -> Res
     }
     compared.sort_by(|(one, _), (other, _)| one.total_cmp(other));
     Ok(compared.into_iter().take(REFINED).map(|(_, page)| page).collect())
+}
+
+/// Returns the first page that a refinement makes better, refined, or the first page; each with its cutoff. Later ones are not made.
+fn first_refined(
+    pages: impl Iterator<Item = Result<(Image, f32)>>,
+    refined: impl Fn(&Image, f32) -> Result<Option<Image>>,
+) -> Result<(Image, f32)> {
+    let mut first = None;
+    for page in pages {
+        let (image, cutoff) = page?;
+        if let Some(refined) = refined(&image, cutoff)? {
+            return Ok((refined, cutoff));
+        }
+        first.get_or_insert((image, cutoff));
+    }
+    Ok(first.expect("there is a page"))
 }
 
 /// Returns the image and the cutoff with the coverage and the mean color of the leaves, as nearly as mip levels can keep them. `sights`: of
