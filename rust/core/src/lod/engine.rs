@@ -14,7 +14,7 @@ use super::refine::{LeafPictures, OnMips};
 use super::tune::{self, MIP_COVERAGE, MIP_COVERAGE_ERROR, TONES};
 use crate::atlas::{Atlas, Region};
 use crate::error::Result;
-use crate::foliage::{AlphaMode, Image, Material};
+use crate::foliage::{AlphaMode, Foliage, Image, Material};
 use crate::geometry::Frame;
 use crate::metrics::Reference;
 use crate::textures::{EnginePage, LightGrid, PagePart, Pictured, Sight, bent, cut_outs, mips, recut, tone};
@@ -79,7 +79,7 @@ impl Sharer {
         let excess = |pivot: f64| {
             let image = recut(pivot);
             let between = coarser.as_ref().map(|coarser| LightGrid::of(&image).halfway(coarser));
-            let seen = between.into_iter().chain([image]).map(|image| Ok(self.sight(image, cutoff)?.coverage));
+            let seen = between.into_iter().chain([image]).map(|image| self.coverage(image, cutoff));
             let seen = seen.collect::<Result<Vec<f64>>>()?;
             let mean = seen.iter().sum::<f64>() / seen.len() as f64;
             Ok(libm::log(mean.max(1e-9) / MIP_COVERAGE))
@@ -92,11 +92,20 @@ impl Sharer {
 
     /// Returns how the billboards look with another page.
     fn sight(&self, image: Image, alpha_cutoff: f32) -> Result<Sight> {
-        let alpha_mode = AlphaMode::Mask(alpha_cutoff);
-        let material = Material { image: Some(image), alpha_mode, ..self.material.clone() };
-        let pictures = self.leaves.compare(&billboards(&self.atlas, &self.frame, material)?)?;
+        let pictures = self.leaves.compare(&self.billboards(image, alpha_cutoff)?)?;
         let tone = pictures.tone().clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1));
         Ok(Sight { coverage: pictures.coverage(), tone })
+    }
+
+    /// Returns the coverage of [`Self::sight`] without its colors, which take most of the time.
+    fn coverage(&self, image: Image, alpha_cutoff: f32) -> Result<f64> {
+        Ok(self.leaves.agreement(&self.billboards(image, alpha_cutoff)?)?.coverage)
+    }
+
+    fn billboards(&self, image: Image, alpha_cutoff: f32) -> Result<Foliage> {
+        let alpha_mode = AlphaMode::Mask(alpha_cutoff);
+        let material = Material { image: Some(image), alpha_mode, ..self.material.clone() };
+        billboards(&self.atlas, &self.frame, material)
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels. All three differ from plant to
 //! plant, so theory gives no right value. Each setting keeps one quantity, measured in a few small views, which differ from the reported
-//! ones. The stretch limit keeps the coverage of the leaves after they collapse onto their planes. The alpha cutoff keeps the covered
+//! ones. Stretch and growth keep the coverage of the leaves after they collapse onto their planes. The alpha cutoff keeps the covered
 //! pixels at the hand-over from the collapsed leaves to the billboards; then it moves until the billboards cover as much as the leaves. All
 //! figures are exact on any machine.
 
@@ -27,6 +27,9 @@ pub const MIP_COVERAGE_ERROR: f64 = 0.01;
 
 /// Candidate stretch limits.
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
+
+/// Candidate factors on the lengths of collapsed leaves.
+const GROWTHS: [f64; 5] = [1.0, 1.05, 1.1, 1.15, 1.2];
 
 /// Candidate cutoffs, and the cutoff at which the search begins if any texel reaches it.
 const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
@@ -63,18 +66,37 @@ pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
 /// Returns a stretch limit and the projection with it. The coverage of the collapsed leaves is closest to that of the leaves. `finer`
 /// collapses; `leaves` renders the reference.
 pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<(f64, Projection)> {
+    closest(&STRETCHES, |limit| Projection::new(finer, cloud, limit), finer, leaves)
+}
+
+/// Returns the projection with leaves that grow as they collapse, if they cover less than before even with the best stretch.
+///
+/// Only leaves in motion grow, not those in the textures: billboards keep the coverage by their cutoff, and on coarse pages grown leaves
+/// would close the gaps between leaves.
+pub fn grown(finer: &Foliage, cloud: &Cloud, projection: &Projection, leaves: &Reference) -> Result<Projection> {
+    let (_, grown) = closest(&GROWTHS, |factor| projection.grown(cloud, factor), finer, leaves)?;
+    Ok(grown)
+}
+
+/// Returns the candidate, and the projection made of it, with collapsed leaves whose coverage is closest to that of the leaves.
+fn closest(
+    candidates: &[f64],
+    projection: impl Fn(f64) -> Projection,
+    finer: &Foliage,
+    leaves: &Reference,
+) -> Result<(f64, Projection)> {
     let mut best: Option<(f64, (f64, Projection))> = None;
-    for limit in STRETCHES {
-        let projection = Projection::new(finer, cloud, limit);
+    for &candidate in candidates {
+        let projection = projection(candidate);
         let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
         let off = (coverage - 1.0).abs();
-        // Coverage grows with the stretch: once the error grows, more stretch makes it worse.
+        // Coverage grows along the candidates: once the error grows, those that follow are worse.
         match best {
             Some((least, _)) if off >= least => break,
-            _ => best = Some((off, (limit, projection))),
+            _ => best = Some((off, (candidate, projection))),
         }
     }
-    Ok(best.expect("the first stretch is always a choice").1)
+    Ok(best.expect("the first candidate is always a choice").1)
 }
 
 /// Returns the alpha cutoff at which the billboards match `before`, the collapsed leaves, best.
@@ -238,6 +260,37 @@ fn nothing_shows(page: &Image) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::foliage::Attributes;
+    use crate::geometry::Plane;
+
+    /// Leaves that are far from one another, each with a copy at a height over it, and a cloud of one horizontal plane.
+    fn pairs(height: f64) -> (Foliage, Cloud) {
+        let leaf = |number: usize| {
+            let place = DVec3::new((number % 4) as f64, (number / 4 % 4) as f64, height * (number / 16) as f64) * 3.0;
+            [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, y)| place + DVec3::new(x, y, 0.0))
+        };
+        let corners: Vec<DVec3> = (0..32).flat_map(leaf).collect();
+        let triangles =
+            (0..32).flat_map(|leaf| [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|i| 4 * leaf + i))).collect();
+        let foliage = Foliage::new(&corners, triangles, Attributes::default(), vec![]).unwrap();
+        let plane = Plane::through(DVec3::ZERO, DVec3::Z);
+        let count = foliage.triangle_count();
+        let cloud = Cloud::new(&foliage, vec![plane], vec![0; count], 10.0);
+        (foliage, cloud)
+    }
+
+    #[test]
+    fn leaves_grow_only_if_they_hide_one_another_in_their_planes() {
+        for (height, expected) in [(1e-3, 1.0), (1.0, 1.2)] {
+            let (foliage, cloud) = pairs(height);
+            let views = views_of_amounts(16, DVec3::Z).unwrap();
+            let leaves = Reference::new(&[&foliage], foliage.frame(), views).unwrap();
+            let (_, laid) = projection(&foliage, &cloud, &leaves).unwrap();
+            let grown = grown(&foliage, &cloud, &laid, &leaves).unwrap();
+            let width = |each: &Projection| each.targets[0][0].distance(each.targets[0][1]);
+            assert!((width(&grown) / width(&laid) - expected).abs() < 1e-9, "pairs {height} apart");
+        }
+    }
 
     #[test]
     fn the_cutoff_that_keeps_coverage_is_found_on_any_falling_curve() {

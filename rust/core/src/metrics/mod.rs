@@ -21,6 +21,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
 use glam::{DQuat, DVec3, Vec3};
+use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::foliage::{Foliage, Image};
@@ -128,7 +129,7 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn agreement(&self, level: &Foliage) -> Result<Agreement> {
-        let pictures = self.views.iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
+        let pictures = self.views.par_iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
         let pairs = || self.pictures.iter().zip(&pictures);
         Ok(Agreement { coverage: coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
@@ -181,7 +182,7 @@ impl Reference {
     }
 
     fn pictures_of(&self, level: &Foliage) -> Result<Vec<Image>> {
-        self.views.iter().map(|view| render(&[level], view)).collect()
+        self.views.par_iter().map(|view| render(&[level], view)).collect()
     }
 }
 
