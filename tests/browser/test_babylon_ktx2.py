@@ -39,12 +39,13 @@ def code_with(transcoder: str | None) -> str:
     return code_of("babylon") if transcoder is None else code_of("babylon", 2).replace("/basis/", transcoder)
 
 
-def drawn(tree: Path, transcoder: str | None, level: int, distance: float) -> list[dict[str, Any]]:
+def drawn(tree: Path, transcoder: str | None, level: int, distance: float, views: int = 1) -> list[dict[str, Any]]:
+    """Return pictures of a level at a distance, from so many directions."""
     centre, _ = sphere_of(levels_of(tree)[0])
     # Distances of files are for 1080 rows; the picture has 256.
-    eyes = [centre + distance * 256.0 / 1080.0 * np.array(direction) for direction in DIRECTIONS]
-    views = [{"eye": eye.tolist(), "target": centre.tolist(), "fov": 50.0} for eye in eyes]
-    return pictures("babylon", tree, code=code_with(transcoder), views=views, settings={"level": level})
+    eyes = [centre + distance * 256.0 / 1080.0 * np.array(direction) for direction in DIRECTIONS[:views]]
+    cameras = [{"eye": eye.tolist(), "target": centre.tolist(), "fov": 50.0} for eye in eyes]
+    return pictures("babylon", tree, code=code_with(transcoder), views=cameras, settings={"level": level})
 
 
 def coverage(found: list[dict[str, Any]]) -> int:
@@ -56,7 +57,9 @@ def test_hand_overs_keep_the_coverage(tree: Path) -> None:
     for transcoder in (None, TRANSCODER):
         changes = []
         for number, distance in enumerate(hand_overs(levels_of(tree))):
-            before, after = (coverage(drawn(tree, transcoder, level, distance)) for level in (number, number + 1))
+            before, after = (
+                coverage(drawn(tree, transcoder, level, distance, len(DIRECTIONS))) for level in (number, number + 1)
+            )
             assert before > 900
             changes.append(abs(math.log(after / before)))
         errors[transcoder] = changes
@@ -69,7 +72,7 @@ def test_colors_are_those_of_the_png(tree: Path) -> None:
     _, radius = sphere_of(levels_of(tree)[0])
     means = []
     for transcoder in (None, TRANSCODER):
-        [picture, *_] = drawn(tree, transcoder, 1, 4.0 * radius * 1080.0 / 256.0)
+        [picture] = drawn(tree, transcoder, 1, 4.0 * radius * 1080.0 / 256.0)
         covered = picture["pixels"][..., 3] > 0
         assert covered.sum() > 2000
         means.append(picture["pixels"][covered].mean(axis=0))
