@@ -10,4 +10,4 @@ shift
 
 blender=$("$environment/bin/python" -c 'from importlib.metadata import version; print(version("bpy"))')
 echo "leafcloud: testing in Blender $blender" >&2
-exec timeout --kill-after=10 2400 "$environment/bin/python" -m pytest --numprocesses 2 --dist loadfile "$@"
+exec timeout --kill-after=10 3000 "$environment/bin/python" -m pytest --numprocesses 2 --dist loadfile "$@"

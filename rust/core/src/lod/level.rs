@@ -243,7 +243,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let baked = Instant::now();
     let tuning = |share: f64| progress.tell("tune", share);
     tuning(0.9)?;
-    let projection = tune::grown(finer, &cloud, &projection, &step.references.tuning)?;
+    let projection = tune::grown(finer, &cloud, projection, &step.references.tuning)?;
     let ranks = billboard_ranks(&atlas, finer.frame(), settings.fit.seed)?;
     let (page, alpha_cutoff) = if settings.blended {
         (tune::blended(&atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?, 0.0)

@@ -12,9 +12,8 @@ pub use drawing::{DrawingCost, counted_views, drawing_cost};
 use light::Light;
 pub(crate) use light::brightness;
 pub(crate) use measure::coverage;
-use render::silhouette;
 pub use render::{View, render, render_lit, render_watched, seen_behind};
-pub(crate) use render::{shown_points, texture_points};
+pub(crate) use render::{shown_points, silhouette, texture_points};
 pub use visibility::{LeafSamples, visibility};
 
 use std::collections::BTreeMap;

@@ -12,7 +12,7 @@ use super::{TEST_TURN, TEST_VIEWS, turn_of};
 use crate::error::Result;
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
-use crate::metrics::{View, Views, coverage, render};
+use crate::metrics::{View, Views, coverage, render, silhouette};
 use crate::progress::Progress;
 use crate::textures::{Samples, light, mips, shrunk};
 
@@ -85,6 +85,12 @@ impl Look {
         let errors = pairs().map(|(leaves, level)| error(leaves, level, Vec3::ONE));
         Ok(Self { error: errors.sum::<f64>() / shown.len() as f64, coverage: coverage(pairs()) })
     }
+}
+
+/// Returns the coverage of a level relative to the leaves, as [`Look::at`] does, without colors, which take most of the time.
+pub fn coverage_in(tests: &[LeafView], level: &Foliage) -> Result<f64> {
+    let shown = tests.par_iter().map(|(view, _)| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
+    Ok(coverage(tests.iter().map(|(_, leaves)| leaves).zip(&shown)))
 }
 
 /// Draws the leaves.

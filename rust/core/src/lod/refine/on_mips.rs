@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use super::credit::{Credits, Drawn};
 use super::gain::{Errors, Gain};
-use super::leaf_views::{LeafPictures, LeafView, Look, of_size};
+use super::leaf_views::{LeafPictures, LeafView, Look, coverage_in, of_size};
 use super::picture::Target;
 use super::texels::{PRIOR, direction, mean_credit, slower};
 use crate::atlas::Atlas;
@@ -108,7 +108,7 @@ impl OnMips<'_> {
         if !self.sees(image) {
             return Ok(None);
         }
-        let seen = self.seen(image);
+        let seen = self.seen(image, &self.pictures.steps);
         let mut grid = LightGrid::of(image);
         let looks = self.looks(image, &seen)?;
         let first = errors(&looks);
@@ -139,7 +139,7 @@ impl OnMips<'_> {
         if !self.sees(image) {
             return Ok(None);
         }
-        let looks = self.looks(image, &self.seen(image))?;
+        let looks = self.looks(image, &self.seen(image, &[]))?;
         Ok(Some(looks.iter().map(|look| libm::log(look.error.max(1e-9))).sum::<f64>() / looks.len() as f64))
     }
 
@@ -157,15 +157,14 @@ impl OnMips<'_> {
         (0..count).map(move |mip| (mip, size(mip))).filter(move |(_, size)| (SMALLEST..=most).contains(size))
     }
 
-    /// Returns the pictures for each mip level, if it has any.
-    fn seen(&self, image: &Image) -> Vec<Seen> {
-        let LeafPictures { steps, tests } = self.pictures;
+    /// Returns the pictures for each mip level, if it has any: these for steps, and those of the test views.
+    fn seen(&self, image: &Image, steps: &[LeafView]) -> Vec<Seen> {
         let of_mip = |(mip, size)| {
             let steps = of_size(steps, size).into_iter();
             Seen {
                 mip,
                 steps: steps.map(|(view, image)| (view, Target::of(&image))).collect(),
-                tests: of_size(tests, size),
+                tests: of_size(&self.pictures.tests, size),
             }
         };
         self.sizes(image).map(of_mip).collect()
@@ -175,7 +174,11 @@ impl OnMips<'_> {
     fn balanced(&self, image: &Image, seen: &[Seen]) -> Result<Image> {
         let recut = |pivot: f64| bent(image, pivot as f32, self.cutoff);
         let excess = |pivot: f64| {
-            let mut covered: Vec<f64> = self.looks(&recut(pivot), seen)?.iter().map(|look| look.coverage).collect();
+            let covered = |(level, seen): (LightGrid, &Seen)| {
+                coverage_in(&seen.tests, &self.shown(level.to_image(), self.cutoff)?)
+            };
+            let mut covered: Vec<f64> =
+                with_levels(LightGrid::of(&recut(pivot)), seen).map(covered).collect::<Result<_>>()?;
             covered.sort_by(f64::total_cmp);
             let middle = 0.5 * (covered[(covered.len() - 1) / 2] + covered[covered.len() / 2]);
             Ok(libm::log(middle.max(1e-9) / MIP_COVERAGE))
