@@ -1,6 +1,7 @@
 """Leaves collapsed onto their billboards, with the exact light of the leaves in the crown.
 
-This is the best result of any texture on these billboards: the remaining error comes from the leaves' positions.
+This is the best result of any texture on these billboards, but for leaves that grow as they collapse: the remaining
+error comes from the leaves' positions.
 Cycles bakes the light on the leaves, with their shadows, to the corners of subdivided triangles, for each side
 separately. The result shows the same triangles at a hundredth of the way from their billboard to the leaf, so that
 they hide one another in the same order as on an atlas page.

@@ -62,12 +62,15 @@ impl Projection {
         }
     }
 
-    /// Returns the projection with all lengths of leaves within their planes times `factor`, about the leaves' pivots.
+    /// Returns the projection with all lengths of leaves within their planes times `factor`, about the leaves' pivots. No corner moves farther
+    /// than the bound of the cloud: a leaf as large as a crown would swell.
     #[must_use]
-    pub fn grown(&self, cloud: &Cloud, factor: f64) -> Self {
+    pub fn grown(&self, foliage: &Foliage, cloud: &Cloud, factor: f64) -> Self {
+        let farthest = cloud.bound / foliage.frame().radius;
         let grown = |(triangle, corners): (usize, &[DVec3; 3])| {
             let (plane, pivot) = (cloud.planes[cloud.parents[triangle] as usize], self.pivot_targets[triangle]);
-            corners.map(|corner| corner + (factor - 1.0) * (plane.project(corner) - pivot))
+            let moved = |corner: DVec3| ((factor - 1.0) * (plane.project(corner) - pivot)).clamp_length_max(farthest);
+            corners.map(|corner| corner + moved(corner))
         };
         Self { targets: self.targets.par_iter().enumerate().map(grown).collect(), ..self.clone() }
     }
@@ -232,7 +235,7 @@ mod tests {
     fn growth_scales_about_the_pivot_and_keeps_heights() {
         let (foliage, cloud) = tilted(0.8, 0.3);
         let laid = Projection::new(&foliage, &cloud, 2.0);
-        let grown = laid.grown(&cloud, 1.1);
+        let grown = laid.grown(&foliage, &cloud, 1.1);
         assert!((area(&grown.targets, &foliage) - 1.21).abs() < 1e-6);
         for (triangle, (before, after)) in laid.targets.iter().zip(&grown.targets).enumerate() {
             let from_pivot = |p: &DVec3| cloud.planes[0].project(*p) - laid.pivot_targets[triangle];
@@ -240,6 +243,17 @@ mod tests {
                 assert!(from_pivot(q).distance(1.1 * from_pivot(p)) < 1e-12);
                 assert!((cloud.planes[0].height(*p) - cloud.planes[0].height(*q)).abs() < 1e-15);
             }
+        }
+    }
+
+    #[test]
+    fn growth_moves_no_corner_farther_than_the_bound() {
+        let (foliage, cloud) = tilted(0.8, 0.3);
+        let laid = Projection::new(&foliage, &cloud, 2.0);
+        let bound = 0.05; // Less than a fifth of a corner's distance from the pivot.
+        let grown = laid.grown(&foliage, &Cloud { bound, ..cloud }, 1.2);
+        for (p, q) in laid.targets.iter().flatten().zip(grown.targets.iter().flatten()) {
+            assert!((p.distance(*q) * foliage.frame().radius - bound).abs() < 1e-12);
         }
     }
 

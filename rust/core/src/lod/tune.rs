@@ -29,7 +29,7 @@ pub const MIP_COVERAGE_ERROR: f64 = 0.01;
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
 /// Candidate factors on the lengths of collapsed leaves.
-const GROWTHS: [f64; 4] = [1.05, 1.1, 1.15, 1.2];
+const GROWTHS: [f64; 6] = [1.0, 1.025, 1.05, 1.1, 1.15, 1.2];
 
 /// Candidate cutoffs, and the cutoff at which the search begins if any texel reaches it.
 const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
@@ -69,8 +69,8 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<
     closest(&STRETCHES, |limit| Projection::new(finer, cloud, limit), finer, leaves)
 }
 
-/// Returns the projection with leaves that grow as they collapse, if they cover less than before even with the best stretch, and with the
-/// mip levels of engines ([`MIP_COVERAGE`]).
+/// Returns the projection with leaves that grow as they collapse, if they lose coverage even with the best stretch: more than the mip levels of
+/// engines make up for ([`MIP_COVERAGE`]).
 ///
 /// Only leaves in motion grow, not those in the textures: billboards keep the coverage by their cutoff, and on coarse pages grown leaves
 /// would close the gaps between leaves.
@@ -78,7 +78,7 @@ pub fn grown(finer: &Foliage, cloud: &Cloud, projection: Projection, leaves: &Re
     if leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage * MIP_COVERAGE >= 1.0 {
         return Ok(projection);
     }
-    let (_, grown) = closest(&GROWTHS, |factor| projection.grown(cloud, factor), finer, leaves)?;
+    let (_, grown) = closest(&GROWTHS, |factor| projection.grown(finer, cloud, factor), finer, leaves)?;
     Ok(grown)
 }
 

@@ -85,6 +85,9 @@ impl Views {
 const SUN_HEIGHT: f64 = 45.0;
 const SUN_TURN: f64 = 60.0;
 
+/// Triangles of a level above which its views are drawn one after the other. A view takes some 130 bytes for each.
+const MANY_TRIANGLES: usize = 1 << 16;
+
 /// Rendered views of a base, for comparison with levels.
 #[derive(Debug)]
 pub struct Reference {
@@ -128,7 +131,7 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn agreement(&self, level: &Foliage) -> Result<Agreement> {
-        let pictures = self.views.par_iter().map(|view| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
+        let pictures = self.in_each_view(level, |view| silhouette(&[level], view))?;
         let pairs = || self.pictures.iter().zip(&pictures);
         Ok(Agreement { coverage: coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
@@ -181,7 +184,16 @@ impl Reference {
     }
 
     fn pictures_of(&self, level: &Foliage) -> Result<Vec<Image>> {
-        self.views.par_iter().map(|view| render(&[level], view)).collect()
+        self.in_each_view(level, |view| render(&[level], view))
+    }
+
+    /// Draws a level in all views side by side, or one after the other if its triangles take much memory in each.
+    fn in_each_view(&self, level: &Foliage, draw: impl Fn(&View) -> Result<Image> + Send + Sync) -> Result<Vec<Image>> {
+        if level.triangle_count() > MANY_TRIANGLES {
+            self.views.iter().map(draw).collect()
+        } else {
+            self.views.par_iter().map(draw).collect()
+        }
     }
 }
 
