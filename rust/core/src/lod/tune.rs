@@ -82,7 +82,8 @@ pub fn grown(finer: &Foliage, cloud: &Cloud, projection: Projection, leaves: &Re
     Ok(grown)
 }
 
-/// Returns the candidate, and the projection made of it, with collapsed leaves whose coverage is closest to that of the leaves.
+/// Returns the best candidate and its projection: its collapsed leaves come closest to the coverage of the leaves. Coverage must grow along
+/// the candidates.
 fn closest(
     candidates: &[f64],
     projection: impl Fn(f64) -> Projection,
@@ -94,7 +95,7 @@ fn closest(
         let projection = projection(candidate);
         let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
         let off = (coverage - 1.0).abs();
-        // Coverage grows along the candidates: once the error grows, those that follow are worse.
+        // Once the error grows, the candidates that follow are worse.
         match best {
             Some((least, _)) if off >= least => break,
             _ => best = Some((off, (candidate, projection))),
