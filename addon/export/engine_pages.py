@@ -38,6 +38,9 @@ class EnginePage:
     def channel(self, name: str) -> NDArray[np.uint8]:
         return self.level.halved(name, self.halvings)
 
+    def mips(self) -> list[NDArray[np.uint8]]:
+        return self.level.mips(self.halvings)
+
     def ktx2(self, channel: str) -> bytes:
         return self.level.ktx2(channel, self.halvings)
 

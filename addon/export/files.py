@@ -26,7 +26,7 @@ from ..mesh.baked_levels import plain_mesh
 from ..plan.camera_visibility import pixels_of
 from ..plan.decision import is_on
 from ..plan.effects import on_effects
-from ..plan.pages import KTX2_ENGINES, halvings
+from ..plan.pages import KTX2_ENGINES, MIP_ENGINES, halvings
 from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
@@ -37,6 +37,7 @@ from .gpu_load import GpuLoad
 from .halved_channels import HalvedChannels
 from .joined_trunks import join_trunks
 from .lod_extension import LodChain, add_lods, screen_coverages
+from .mip_levels import MipLevels
 from .pictures import film_name, write_pictures
 from .plain_materials import materials_of_meshes, untangled
 from .report import joint_report, report
@@ -120,7 +121,8 @@ def _edits(trees: Sequence[Baked]) -> list[Edit]:
     pages = _engine_pages(trees)
     taken = {name: page for name, page in pages.items() if ktx2.is_taken(page)}
     textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
-    of_pages = [HalvedChannels(pages).add_to, textures.add_to]
+    mips = MipLevels(pages if engine in MIP_ENGINES else {})
+    of_pages = [HalvedChannels(pages).add_to, mips.add_to, textures.add_to]
     if not is_on(first.effects, "blend_order"):
         return [VertexData(engine).add_to, *of_pages]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)

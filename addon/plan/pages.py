@@ -10,6 +10,9 @@ from ..settings.levels import LARGEST_TEXTURE, SMALLEST_TEXTURE
 KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
 
+MIP_ENGINES = ("babylon",)
+"""The engines whose package gives PNG textures the mip levels of the file."""
+
 MOST_HALVINGS = 3
 """As many as `leafcloud.Level.for_engines` allows."""
 

@@ -325,13 +325,15 @@ def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> Non
     bpy.ops.export_scene.gltf(filepath=str(tmp_path / "maple.glb"), use_visible=True)
     out = tmp_path / "out"
     inputs = ("--input", shrub, tmp_path / "maple.glb", "--texture-size", 128, "--epsilon", 0.1, "--levels", 1)
-    done = run(*inputs, "--out", out, "--engine", "three", "--effects", "normals")
+    done = run(*inputs, "--out", out, "--engine", "babylon", "--effects", "normals")
     assert done.returncode == 0, done.stderr
     assert "of 2 trees" in done.stdout
     content = json_of(out / "shrub_maple_LOD1.glb")
     assert {node["name"] for node in content["nodes"]} >= {"maple_LOD1", "shrub_LOD1"}
     kinds = [image["mimeType"] for image in content["images"]]
-    assert (kinds.count("image/png"), kinds.count("image/ktx2")) == (2, 2)
+    assert (kinds.count("image/png"), kinds.count("image/ktx2")) == (3, 2)
+    mips = [material["extras"]["leafcloud"]["mipLevels"] for material in content["materials"]]
+    assert mips[0] == mips[1], "the trees share a page"
 
 
 def test_options_for_one_tree_are_refused_for_several(tmp_path: Path, shrub: Path) -> None:

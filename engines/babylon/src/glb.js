@@ -90,7 +90,7 @@ function withoutNumbers(primitive) {
 
 /**
  * Returns the levels of tree number `tree`: their nodes' names and extras, the tables of their meshes, the numbers of their
- * leaves, and the images of an octahedral impostor.
+ * leaves, and the images of an octahedral impostor or of an atlas page's mip levels.
  */
 export function levelsIn(document, rest, tree) {
   const chains = chainsIn(document);
@@ -132,13 +132,16 @@ function numbersOf(document, rest, { first_texcoord: first, prefixes }, { attrib
   return { count, positions: read(attributes.POSITION), sets: sets.map(read), offsets: read(targets?.[0].POSITION) };
 }
 
-/** Returns the bytes of the PNG files {color, normalDepth} of an octahedral impostor; null for other materials. */
+/**
+ * Returns the bytes of the PNG files that the extras of a material name: {color, normalDepth} of an octahedral impostor, or {mips} of an atlas
+ * page.
+ */
 function imagesOf(document, rest, material) {
-  const { octahedralTexture: color, octahedralNormalTexture: normalDepth } = document.materials?.[material]?.extras?.leafcloud ?? {};
-  if (!color || !normalDepth) return null;
+  const { octahedralTexture, octahedralNormalTexture, mipLevels } = document.materials?.[material]?.extras?.leafcloud ?? {};
   const bytes = ({ index }) => {
     const { byteOffset = 0, byteLength } = document.bufferViews[document.images[document.textures[index].source].bufferView];
     return rest.subarray(8 + byteOffset, 8 + byteOffset + byteLength); // Behind the header of the chunk.
   };
-  return { color: bytes(color), normalDepth: bytes(normalDepth) };
+  if (octahedralTexture && octahedralNormalTexture) return { color: bytes(octahedralTexture), normalDepth: bytes(octahedralNormalTexture) };
+  return mipLevels ? { mips: bytes(mipLevels) } : {};
 }

@@ -1,16 +1,13 @@
 // The levels of a file: read once (`sourcesOf`), then dressed in materials for each tree or forest (`Level`).
-import { BoundingInfo, Constants, Material, ShadowDepthWrapper, Texture, Vector3, VertexBuffer } from "@babylonjs/core";
+import { BoundingInfo, ShadowDepthWrapper, Vector3, VertexBuffer } from "@babylonjs/core";
 import { addAttributes } from "./attributes.js";
 import { HAND_OVER, keepAt, NEVER, windForce } from "./laws.js";
 import { LevelPlugin, newNumbers } from "./material.js";
-import { shareMips } from "./mips.js";
 import { ImpostorPlugin, impostorNumbers, impostorMaterial, QUAD } from "./octahedral.js";
+import { alphaIsShare, keepsCoverage, keepShares, useLevels } from "./textures.js";
 
 /** Reach of growing leaves in crown radii: they extend beyond the crown. */
 const REACH = 1.2;
-
-/** Textures that `keepCoverage` has seen: whether alpha is the share of drawn texels in their mip levels. */
-const alphaIsShare = new WeakMap();
 
 /**
  * Gives the meshes of a loaded container the attributes of the shaders. Returns the sources of all copies, the leaves first. Each has
@@ -18,7 +15,7 @@ const alphaIsShare = new WeakMap();
  * morph, and `handOver`, where the next level begins to appear.
  */
 export async function sourcesOf(container, levels) {
-  for (const { name, extras, numbers, pages } of levels) {
+  for (const { name, extras, numbers, images, pages } of levels) {
     const meshes = meshesOf(container.getNodes().find((node) => node.name === name));
     if (pages) {
       meshes[0].removeVerticesData(VertexBuffer.TangentKind);
@@ -30,8 +27,9 @@ export async function sourcesOf(container, levels) {
       if (!material?.albedoTexture) continue;
       // Wide filters would mix the leaves with the empty texels around them.
       material.albedoTexture.anisotropicFilteringLevel = 1;
-      if (extras.level === 0) await keepCoverage(material);
+      if (extras.level === 0) await keepShares(material);
     }
+    if (images.mips) await useLevels(meshes[0].material.albedoTexture, images.mips);
   }
   const sources = levels.map(({ name, extras, tables, numbers, pages }) => {
     const morphs = Number.isFinite(extras.transition_end);
@@ -44,27 +42,6 @@ export async function sourcesOf(container, levels) {
     source.handOver = source.morphs ? source.start + HAND_OVER * (source.end - source.start) : next;
   });
   return sources;
-}
-
-/**
- * Gives the PNG texture of the leaves mip levels with the share of drawn texels, if they are cut out. Atlas pages of later levels are made
- * for plain mip levels; levels of simplified leaves have the materials of the leaves.
- */
-async function keepCoverage({ albedoTexture: texture, alphaCutOff, transparencyMode }) {
-  if (alphaIsShare.has(texture)) return;
-  alphaIsShare.set(texture, false);
-  if (transparencyMode > Material.MATERIAL_ALPHATEST) texture.updateSamplingMode(Texture.LINEAR_LINEAR);
-  const internal = texture.getInternalTexture();
-  const isPlain = internal?.format === Constants.TEXTUREFORMAT_RGBA && internal.generateMipMaps && !internal.invertY;
-  if (transparencyMode !== Material.MATERIAL_ALPHATEST || texture.mimeType === "image/ktx2" || !isPlain) return;
-  const data = await texture.readPixels();
-  if (!data) return;
-  texture.updateSamplingMode(Texture.TRILINEAR_SAMPLINGMODE);
-  const engine = texture.getScene().getEngine();
-  shareMips({ data, ...texture.getSize() }, alphaCutOff).forEach((level, i) => {
-    engine.updateTextureData(internal, new Uint8Array(level.data.buffer), 0, 0, level.width, level.height, 0, i + 1);
-  });
-  alphaIsShare.set(texture, true);
 }
 
 /** Returns the meshes of a node in the order of its primitives. */
@@ -127,14 +104,13 @@ export class Level {
 
   #cloud(original, leaves) {
     const material = original.clone(original.name);
-    if (alphaIsShare.get(original.albedoTexture)) {
-      // A copy of the texture may be read from the file again, without these mip levels.
+    if (keepsCoverage(original.albedoTexture)) {
       material.albedoTexture.dispose();
       material.albedoTexture = original.albedoTexture;
     }
     // Levels with baked light store colors above 1 with this factor.
     material.albedoColor?.scaleInPlace(material.metadata?.gltf?.extras?.leafcloud?.light_strength ?? 1);
-    const shares = alphaIsShare.get(original.albedoTexture) ?? false;
+    const shares = alphaIsShare(original.albedoTexture);
     new LevelPlugin(material, { numbers: this.#numbers, leaves, wind: this.wind !== null, shares });
     return material;
   }

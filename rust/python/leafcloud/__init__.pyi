@@ -326,6 +326,12 @@ class Level:
         Normals keep the length 1, colors are averaged as light. Base color is that of ``for_engines``.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``)."""
+    def mips(self, halvings: int = 0) -> list[NDArray[np.uint8]]:
+        """Return the mip levels of the base color from the size of ``for_engines(halvings)`` down to one texel, the
+        largest first, each (height, width, 4).
+
+        They are those of ``ktx2("base_color", halvings)`` before compression, for the alpha cutoff of
+        ``for_engines(halvings)``. Computed on the first call, in seconds."""
     def ktx2(self, channel: str, halvings: int = 0) -> bytes:
         """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
 

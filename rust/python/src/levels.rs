@@ -340,6 +340,15 @@ impl PyLevel {
         image_array(py, &image)
     }
 
+    #[pyo3(signature = (halvings=0))]
+    fn mips<'py>(&self, py: Python<'py>, halvings: usize) -> PyResult<Vec<Bound<'py, PyArray3<u8>>>> {
+        let level = self.clone();
+        interruptible(py, move |_| Ok(level.level().mips("base_color", halvings).map(|_| ())))?;
+        let (width, levels) = (self.level().for_engines(halvings).0.width(), self.level().mips("base_color", halvings));
+        let shown = levels.as_deref().unwrap_or_default().iter().skip_while(|mip| mip.image.width() > width);
+        shown.map(|mip| image_array(py, &mip.image)).collect()
+    }
+
     #[pyo3(signature = (channel, halvings=0))]
     fn ktx2<'py>(&self, py: Python<'py>, channel: &str, halvings: usize) -> PyResult<Bound<'py, PyBytes>> {
         let (level, name) = (self.clone(), channel.to_owned());

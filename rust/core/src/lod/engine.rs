@@ -19,10 +19,15 @@ use crate::geometry::Frame;
 use crate::metrics::Reference;
 use crate::textures::{EnginePage, LightGrid, PagePart, Pictured, Sight, bent, cut_outs, mips, recut, tone};
 
-/// Pages for engines, by the number of halvings, each made when it is first wanted.
-pub(super) type EnginePages = [OnceLock<EnginePage>; MOST_HALVINGS + 1];
+/// Pages for engines and their mip levels for files, by the number of halvings, each made when it is first wanted.
+#[derive(Debug, Default)]
+pub(super) struct EnginePages {
+    pages: [OnceLock<EnginePage>; MOST_HALVINGS + 1],
+    mips: [OnceLock<Vec<Mip>>; MOST_HALVINGS + 1],
+}
 
 /// A mip level.
+#[derive(Clone, Debug)]
 pub struct Mip {
     /// The level.
     pub image: Image,
@@ -142,13 +147,13 @@ impl Level {
             let parts: Vec<PagePart> = sharers.iter().map(|sharer| sharer.part.clone()).collect();
             EnginePage::new(&self.page.base_color, &parts, halvings, &*sharers).expect("the level was drawn before")
         };
-        self.engine[halvings].get_or_init(make)
+        self.engine.pages[halvings].get_or_init(make)
     }
 
     /// Returns the mip levels of a channel; base color at the cutoff of [`Self::for_engines`]. `None` for a missing channel and for label
     /// textures.
     #[must_use]
-    pub fn mips(&self, channel: &str, halvings: usize) -> Option<Vec<Mip>> {
+    pub fn mips(&self, channel: &str, halvings: usize) -> Option<Cow<'_, [Mip]>> {
         let whole = |image| Mip { image, cut_outs: Vec::new() };
         if channel != "base_color" {
             return Some(self.page.levels(channel)?.into_iter().map(whole).collect());
@@ -156,7 +161,8 @@ impl Level {
         if self.alpha_cutoff == 0.0 {
             return Some(mips::means(&self.page.base_color).into_iter().map(whole).collect());
         }
-        Some(self.color_mips(&self.engine_page(halvings).cutoffs))
+        let make = || self.color_mips(&self.engine_page(halvings).cutoffs);
+        Some(Cow::Borrowed(self.engine.mips[halvings.min(MOST_HALVINGS)].get_or_init(make)))
     }
 
     /// Returns the mip levels of base color with these cutoffs, one for each tree on the page.

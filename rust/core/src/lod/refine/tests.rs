@@ -283,7 +283,7 @@ fn mip_levels_of_files_become_more_like_the_leaves_and_cover_a_little_more() {
     let refined = level(&foliage, Refinement::Off);
     let [old, new] = [&without_pictures(&refined), &refined].map(|level| {
         let cutoff = level.for_engines(1).1;
-        let mips = level.mips("base_color", 1).unwrap().into_iter().skip(1).take(3).map(|mip| mip.image);
+        let mips = level.mips("base_color", 1).unwrap().into_owned().into_iter().skip(1).take(3).map(|mip| mip.image);
         mips_seen(&foliage, level, mips, cutoff)
     });
     for (number, (new, old)) in new.iter().zip(&old).enumerate() {

@@ -1,0 +1,74 @@
+"""Mip levels beside the PNG pages in files for Babylon.js: those of the KTX2 textures, decoded with three.js."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import QUICK, bake
+from glb import read_chunks
+from numpy.typing import NDArray
+
+import leafcloud
+
+HERE = Path(__file__).parent
+THREE = HERE.parents[1] / "engines" / "three" / "node_modules" / "three"
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> Path:
+    out = tmp_path_factory.mktemp("babylon")
+    bake(shrub, out, *QUICK, "--engine", "babylon", "--levels", 1, "--last", "cross", "--effects", "none")
+    return out
+
+
+def page_of(path: Path, number: int) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return the material of level `number`, and the files of its page: `png`, `mips` and `ktx2`."""
+    document, binary = read_chunks(path)
+    [material] = [each for each in document["materials"] if each["name"] == f"shrub_LOD{number}"]
+
+    def image(index: int) -> bytes:
+        view = document["bufferViews"][document["images"][index]["bufferView"]]
+        return binary[view.get("byteOffset", 0) :][: view["byteLength"]]
+
+    color = document["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+    mips = document["textures"][material["extras"]["leafcloud"]["mipLevels"]["index"]]
+    compressed = color["extensions"]["KHR_texture_basisu"]["source"]
+    return material, {"png": image(color["source"]), "mips": image(mips["source"]), "ktx2": image(compressed)}
+
+
+def levels_in(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """Return the square mip levels that lie under one another at the left side of an image."""
+    found, top, side = [], 0, image.shape[1]
+    while side:
+        found.append(image[top : top + side, :side])
+        top, side = top + side, side // 2
+    assert top == len(image)
+    return found
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_mip_levels_are_those_of_the_ktx2(number: int, files: Path, tmp_path: Path) -> None:
+    """The encoder keeps each texel on its side of the cutoff."""
+    material, page = page_of(files / f"shrub_LOD{number}.glb", number)
+    (tmp_path / "page.ktx2").write_bytes(page["ktx2"])
+    subprocess.run(["node", HERE / "transcode.mjs", THREE, tmp_path / "page.ktx2", tmp_path], check=True, timeout=60)
+    cutoff = 255.0 * material["alphaCutoff"] - 1e-3
+    levels = levels_in(leafcloud.decode_image(page["mips"]))
+    assert levels[0].shape == leafcloud.decode_image(page["png"]).shape
+    of_ktx2 = [np.fromfile(tmp_path / str(i), np.uint8) for i in range(len(list(tmp_path.glob("[0-9]*"))))]
+    for level, codes in zip(levels, of_ktx2[-len(levels) :], strict=True):
+        seen = codes.reshape(level.shape)
+        drawn = level[..., 3] >= cutoff
+        assert np.array_equal(drawn, seen[..., 3] >= cutoff)
+        if drawn.any():
+            assert np.abs(level[drawn].astype(float) - seen[drawn])[:, :3].mean() < 6.0
+
+
+def test_other_engines_get_no_mip_levels(tmp_path: Path, shrub: Path) -> None:
+    bake(shrub, tmp_path, *QUICK, "--engine", "generic", "--levels", 1, "--no-cross", "--effects", "none")
+    document, _ = read_chunks(tmp_path / "shrub_LOD1.glb")
+    assert "mipLevels" not in str(document)
