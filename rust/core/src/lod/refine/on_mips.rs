@@ -82,6 +82,9 @@ const FIRST_WEIGHT: f32 = 2.0;
 /// Least alpha of a texel that has any, so that it can come back.
 const LEAST_ALPHA: f32 = 0.25 / 255.0;
 
+/// Coverage of a mip level that shows less, or nothing, in its error.
+const LEAST_COVERAGE: f64 = 1e-3;
+
 /// The step of each texel of a mip level: of its color, and the direction of its alpha, from -1 to 1.
 struct Moves {
     /// Number of the mip level.
@@ -131,7 +134,8 @@ impl OnMips<'_> {
         Ok(best.0)
     }
 
-    /// Returns the mean of the logarithms of the errors on the mip levels with pictures; `None` without any.
+    /// Returns how much the mip levels with pictures differ from the leaves; `None` without any: the mean of ln (error · r), where r ≥ 1 is
+    /// the ratio of the coverage and [`MIP_COVERAGE`]. A sparse level that shows nothing has a small error alone.
     ///
     /// # Errors
     /// No billboard has an area.
@@ -140,7 +144,9 @@ impl OnMips<'_> {
             return Ok(None);
         }
         let looks = self.looks(image, &self.seen(image, &[]))?;
-        Ok(Some(looks.iter().map(|look| libm::log(look.error.max(1e-9))).sum::<f64>() / looks.len() as f64))
+        let off = |look: &Look| libm::log(look.coverage.max(LEAST_COVERAGE) / MIP_COVERAGE).abs();
+        let of_level = |look: &Look| libm::log(look.error.max(1e-9)) + off(look);
+        Ok(Some(looks.iter().map(of_level).sum::<f64>() / looks.len() as f64))
     }
 
     /// Returns whether the image has at most [`MOST_TEXELS`], and pictures for any of its mip levels.

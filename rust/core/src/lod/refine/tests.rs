@@ -321,6 +321,18 @@ fn on_all_mips<'a>(level: &'a Level, material: &'a Material, cutoff: f32, pictur
 }
 
 #[test]
+fn a_page_for_engines_that_shows_nothing_is_no_choice() {
+    let foliage = bush(200);
+    let level = level(&foliage, Refinement::Off);
+    let (page, cutoff) = level.for_engines(1);
+    let material = page_material(&level, cutoff);
+    let on_mips = on_all_mips(&level, &material, cutoff, level.refine_by.as_ref().unwrap());
+    let error = |image: &Image| on_mips.error(image).unwrap().unwrap();
+    let blank = page.mapped(|[r, g, b, _]| [r, g, b, 0]);
+    assert!(error(&blank) > error(page) + 3.0, "{} and {}", error(&blank), error(page));
+}
+
+#[test]
 fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
     let foliage = bush(200);
     let level = level(&foliage, Refinement::Short);
