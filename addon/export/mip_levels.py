@@ -18,9 +18,6 @@ from .channel_textures import CHANNEL_TEXTURES
 from .engine_pages import EnginePage
 from .glb_file import Glb
 
-_REPLACED = "octahedralTexture"
-"""Engines draw the octahedral impostor of a material with this in place of its page."""
-
 
 @dataclass
 class MipLevels:
@@ -36,15 +33,13 @@ class MipLevels:
             page = self.pages.get(material["name"])
             if page is None or page.level.alpha_cutoff == 0.0:
                 continue
-            extras = material.setdefault("extras", {}).setdefault("leafcloud", {})
-            if _REPLACED in extras:
-                continue
             number = CHANNEL_TEXTURES["base_color"](material)
             assert number is not None
             image = document["images"][document["textures"][number]["source"]]["name"]
             if image not in self.encoded:
                 self.encoded[image] = leafcloud.encode_png([stacked(page.mips())])
-            extras["mipLevels"] = {"index": glb.append_texture(material, f"{image} mip levels", self.encoded[image])}
+            texture = glb.append_texture(material, f"{image} mip levels", self.encoded[image])
+            material.setdefault("extras", {}).setdefault("leafcloud", {})["mipLevels"] = {"index": texture}
 
 
 def stacked(levels: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

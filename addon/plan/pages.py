@@ -10,8 +10,8 @@ from ..settings.levels import LARGEST_TEXTURE, SMALLEST_TEXTURE
 KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
 
-MIP_ENGINES = ("babylon",)
-"""The engines whose package gives PNG textures the mip levels of the file."""
+MIP_ENGINES = ("babylon", "godot")
+"""The engines whose package or add-on gives PNG textures the mip levels of the file."""
 
 MOST_HALVINGS = 3
 """As many as `leafcloud.Level.for_engines` allows."""

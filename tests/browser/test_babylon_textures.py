@@ -84,6 +84,11 @@ def test_png_textures_have_the_mip_levels_of_ktx2(tree: Path, tmp_path: Path) ->
             if "mipLevels" in material.get("extras", {}).get("leafcloud", {}):
                 material["extras"]["leafcloud"]["mipLevels"] = material["pbrMetallicRoughness"]["baseColorTexture"]
 
+    def numbered_anew(document: dict[str, Any], _: bytearray) -> None:
+        for material in document["materials"]:
+            if "mipLevels" in material.get("extras", {}).get("leafcloud", {}):
+                material["extras"]["leafcloud"]["mipLevels"] = {"index": len(document["textures"])}
+
     def broken(document: dict[str, Any], body: bytearray) -> None:
         views = [each["bufferView"] for each in document["images"] if each.get("name", "").endswith("mip levels")]
         assert len(views) > 1
@@ -101,7 +106,7 @@ def test_png_textures_have_the_mip_levels_of_ktx2(tree: Path, tmp_path: Path) ->
     assert ktx2.sum() > 300
     assert (png != ktx2).sum() < 0.02 * ktx2.sum(), "but for the compression of colors"
     assert (plain != ktx2).sum() > 0.05 * ktx2.sum()
-    for edit in (of_another_size, broken):
+    for edit in (of_another_size, numbered_anew, broken):
         assert np.array_equal(covered(rewritten(tree, tmp_path / "other.glb", edit), None), plain)
 
 

@@ -138,10 +138,13 @@ function numbersOf(document, rest, { first_texcoord: first, prefixes }, { attrib
  */
 function imagesOf(document, rest, material) {
   const { octahedralTexture, octahedralNormalTexture, mipLevels } = document.materials?.[material]?.extras?.leafcloud ?? {};
-  const bytes = ({ index }) => {
-    const { byteOffset = 0, byteLength } = document.bufferViews[document.images[document.textures[index].source].bufferView];
-    return rest.subarray(8 + byteOffset, 8 + byteOffset + byteLength); // Behind the header of the chunk.
+  const bytes = (reference) => {
+    // Tools that drop textures or number them anew do not change extras.
+    const view = document.bufferViews[document.images?.[document.textures?.[reference?.index]?.source]?.bufferView];
+    if (!view) return null;
+    const start = 8 + (view.byteOffset ?? 0); // Behind the header of the chunk.
+    return rest.subarray(start, start + view.byteLength);
   };
-  if (octahedralTexture && octahedralNormalTexture) return { color: bytes(octahedralTexture), normalDepth: bytes(octahedralNormalTexture) };
-  return mipLevels ? { mips: bytes(mipLevels) } : {};
+  const [color, normalDepth, mips] = [octahedralTexture, octahedralNormalTexture, mipLevels].map(bytes);
+  return color && normalDepth ? { color, normalDepth } : { mips };
 }

@@ -4,7 +4,7 @@ import { addAttributes } from "./attributes.js";
 import { HAND_OVER, keepAt, NEVER, windForce } from "./laws.js";
 import { LevelPlugin, newNumbers } from "./material.js";
 import { ImpostorPlugin, impostorNumbers, impostorMaterial, QUAD } from "./octahedral.js";
-import { alphaIsShare, keepsCoverage, keepShares, useLevels } from "./textures.js";
+import { alphaIsShare, hasReplacedLevels, keepShares, useLevels } from "./textures.js";
 
 /** Reach of growing leaves in crown radii: they extend beyond the crown. */
 const REACH = 1.2;
@@ -104,7 +104,7 @@ export class Level {
 
   #cloud(original, leaves) {
     const material = original.clone(original.name);
-    if (keepsCoverage(original.albedoTexture)) {
+    if (hasReplacedLevels(original.albedoTexture)) {
       material.albedoTexture.dispose();
       material.albedoTexture = original.albedoTexture;
     }

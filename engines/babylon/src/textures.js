@@ -3,45 +3,45 @@ import { Constants, Material, Texture } from "@babylonjs/core";
 import { shareMips } from "./mips.js";
 
 /** Textures with such mip levels: whether alpha is the share of drawn texels in these. */
-const kept = new WeakMap();
+const replaced = new WeakMap();
 
 /** Returns whether a texture has such mip levels. Copies may be read from the file again, without them. */
-export function keepsCoverage(texture) {
-  return kept.has(texture);
+export function hasReplacedLevels(texture) {
+  return replaced.has(texture);
 }
 
 /** Returns whether alpha is the share of drawn texels in the mip levels of a texture. */
 export function alphaIsShare(texture) {
-  return kept.get(texture) ?? false;
+  return replaced.get(texture) ?? false;
 }
 
 /** Gives the PNG texture of the leaves mip levels with the share of drawn texels, if they are cut out. */
 export async function keepShares({ albedoTexture: texture, alphaCutOff, transparencyMode }) {
   if (transparencyMode > Material.MATERIAL_ALPHATEST) texture.updateSamplingMode(Texture.LINEAR_LINEAR);
-  if (transparencyMode !== Material.MATERIAL_ALPHATEST || keepsCoverage(texture) || !isPlain(texture)) return;
+  if (transparencyMode !== Material.MATERIAL_ALPHATEST || hasReplacedLevels(texture) || !hasGeneratedLevels(texture)) return;
   const data = await texture.readPixels();
   if (!data) return;
   setLevels(texture, 1, shareMips({ data, ...texture.getSize() }, alphaCutOff));
-  kept.set(texture, true);
+  replaced.set(texture, true);
 }
 
 /**
- * Gives the PNG texture of an atlas page the mip levels of its file. They lie under one another in the PNG image `bytes`, the page itself
- * first. A page of another size, as other tools write, keeps its own.
+ * Gives the PNG texture of an atlas page the mip levels of its file. They lie under one another in the PNG image `bytes`; the first replaces
+ * the page. A page of another size, as other tools write, keeps its own.
  */
 export async function useLevels(texture, bytes) {
-  if (keepsCoverage(texture) || !isPlain(texture)) return;
-  const image = await read(bytes, texture.getScene(), `${texture.name} mip levels`);
+  if (hasReplacedLevels(texture) || !hasGeneratedLevels(texture)) return;
+  const image = await read(bytes, texture.getScene(), `mip levels of texture ${texture.uniqueId}`);
   const data = await image?.readPixels();
   const { width, height } = image?.getSize() ?? {};
   image?.dispose();
   const sizes = sizesOf(texture.getSize());
   if (!data || width !== sizes[0].width || height !== sizes.reduce((sum, size) => sum + size.height, 0)) return;
   setLevels(texture, 0, cut(data, width, sizes));
-  kept.set(texture, false);
+  replaced.set(texture, false);
 }
 
-/** Returns the texture of a PNG image as it is; null for a broken one. */
+/** Returns the texture of a PNG image as it is; null for a broken one. `name`: Babylon.js shares the textures of a name. */
 function read(bytes, scene, name) {
   return new Promise((done) => {
     const own = { buffer: bytes, mimeType: "image/png", invertY: false, noMipmap: true, samplingMode: Texture.NEAREST_SAMPLINGMODE };
@@ -66,8 +66,8 @@ function cut(image, columns, sizes) {
   });
 }
 
-/** Returns whether a texture of a PNG file has mip levels of its own. */
-function isPlain(texture) {
+/** Returns whether Babylon.js made the mip levels of a texture, as for a PNG file. */
+function hasGeneratedLevels(texture) {
   const internal = texture.getInternalTexture();
   const isFiltered = internal?.format === Constants.TEXTUREFORMAT_RGBA && internal.generateMipMaps && !internal.invertY;
   return isFiltered && texture.mimeType !== "image/ktx2";

@@ -343,10 +343,12 @@ impl PyLevel {
     #[pyo3(signature = (halvings=0))]
     fn mips<'py>(&self, py: Python<'py>, halvings: usize) -> PyResult<Vec<Bound<'py, PyArray3<u8>>>> {
         let level = self.clone();
-        interruptible(py, move |_| Ok(level.level().mips("base_color", halvings).map(|_| ())))?;
-        let (width, levels) = (self.level().for_engines(halvings).0.width(), self.level().mips("base_color", halvings));
-        let shown = levels.as_deref().unwrap_or_default().iter().skip_while(|mip| mip.image.width() > width);
-        shown.map(|mip| image_array(py, &mip.image)).collect()
+        let levels = interruptible(py, move |_| {
+            let width = level.level().for_engines(halvings).0.width();
+            let levels = level.level().mips("base_color", halvings).unwrap_or_default().into_owned();
+            Ok(levels.into_iter().map(|mip| mip.image).skip_while(move |image| image.width() > width))
+        })?;
+        levels.map(|image| image_array(py, &image)).collect()
     }
 
     #[pyo3(signature = (channel, halvings=0))]

@@ -192,23 +192,45 @@ static func _material(from: Material, own: Dictionary[Texture2D, Texture2D]) -> 
 	return made
 
 
-## What the file says of a material and Godot's importer does not read: light that goes through leaves, and the strength
-## of baked light, whose colors end at 1.
+## What the file says of a material and Godot's importer does not read: light that goes through leaves, the strength of
+## baked light, whose colors end at 1, and the mip levels of its page.
 static func _unread(state: GLTFState, name: String) -> Dictionary:
 	for material: Dictionary in state.json.get("materials", []):
 		if name == "" or material.get("name", "") != name:
 			continue
 		var through: Dictionary = material.get("extensions", {}).get("KHR_materials_diffuse_transmission", {})
+		var own: Dictionary = material.get("extras", {}).get("leafcloud", {})
 		return {
-			"light_strength": material.get("extras", {}).get("leafcloud", {}).get("light_strength"),
+			"base_texture": _page(state, material, own["mipLevels"]) if own.has("mipLevels") else null,
+			"light_strength": own.get("light_strength"),
 			"translucency": through.get("diffuseTransmissionFactor"),
 			"translucency_texture": _texture(state, through.get("diffuseTransmissionColorTexture", {})),
 		}
 	return {}
 
 
+## The texture of a page with its own mip levels. Materials may share it.
+static func _page(state: GLTFState, material: Dictionary, levels: Dictionary) -> Texture2D:
+	var made: Variant = state.get_additional_data(META)
+	var pages: Dictionary = made if made is Dictionary else {}
+	if not pages.has(levels["index"]):
+		var color: Dictionary = material["pbrMetallicRoughness"]["baseColorTexture"]
+		var page := _texture(state, color)
+		var image := _texture(state, levels)
+		pages[levels["index"]] = LeafTexture.with_levels(page, image) if page != null and image != null else page
+		state.set_additional_data(META, pages)
+	return pages[levels["index"]]
+
+
+## The texture of a reference in a material; null if it has none, as after tools that number textures anew.
 static func _texture(state: GLTFState, info: Dictionary) -> Texture2D:
-	return state.get_images()[state.get_textures()[info["index"]].src_image] if info.has("index") else null
+	var number := int(info.get("index", -1))
+	var textures := state.get_textures()
+	if number < 0 or number >= textures.size():
+		return null
+	var image := textures[number].src_image
+	var images := state.get_images()
+	return images[image] if image >= 0 and image < images.size() else null
 
 
 ## Sets the numbers of the laws: distances in units of the mesh, because the shader divides by its scale.

@@ -150,8 +150,8 @@ impl Level {
         self.engine.pages[halvings].get_or_init(make)
     }
 
-    /// Returns the mip levels of a channel; base color at the cutoff of [`Self::for_engines`]. `None` for a missing channel and for label
-    /// textures.
+    /// Returns the mip levels of a channel; base color at the cutoff of [`Self::for_engines`], computed on the first call. `None` for a missing
+    /// channel and for label textures. Do not call it on a rayon worker.
     #[must_use]
     pub fn mips(&self, channel: &str, halvings: usize) -> Option<Cow<'_, [Mip]>> {
         let whole = |image| Mip { image, cut_outs: Vec::new() };

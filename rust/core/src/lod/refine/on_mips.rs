@@ -82,7 +82,7 @@ const FIRST_WEIGHT: f32 = 2.0;
 /// Least alpha of a texel that has any, so that it can come back.
 const LEAST_ALPHA: f32 = 0.25 / 255.0;
 
-/// Coverage of a mip level that shows less, or nothing, in its error.
+/// Lower bound of a mip level's coverage: an empty level has a finite error.
 const LEAST_COVERAGE: f64 = 1e-3;
 
 /// The step of each texel of a mip level: of its color, and the direction of its alpha, from -1 to 1.
@@ -134,8 +134,8 @@ impl OnMips<'_> {
         Ok(best.0)
     }
 
-    /// Returns how much the mip levels with pictures differ from the leaves; `None` without any: the mean of ln (error · r), where r ≥ 1 is
-    /// the ratio of the coverage and [`MIP_COVERAGE`]. A sparse level that shows nothing has a small error alone.
+    /// Returns how much the mip levels with pictures differ from the leaves; `None` without any: the mean of ln (error · r), where r is the
+    /// larger of coverage and [`MIP_COVERAGE`] over the smaller. The error alone of a sparse level that shows nothing is small.
     ///
     /// # Errors
     /// No billboard has an area.
