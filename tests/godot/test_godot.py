@@ -10,7 +10,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from glb import read_chunks
 from godot_project import NEEDS_GODOT, RENDERERS, ROOT, TREE, colors, project_with, run_script, seen
+from numpy.typing import NDArray
+
+import leafcloud
 
 pytestmark = NEEDS_GODOT
 
@@ -79,6 +83,32 @@ def test_a_running_game_reads_the_same_tree(project: Path) -> None:
         pair = [colors(imported), colors(imported.with_name(imported.name.replace("imported", "loaded")))]
         assert seen(pair[0]).sum() > 50
         assert np.abs(pair[0] - pair[1]).max(axis=-1)[seen(pair[0]) | seen(pair[1])].mean() < 0.02
+
+
+def mip_levels_of(path: Path, name: str) -> NDArray[np.uint8]:
+    """Return the texels (n, 4) of all mip levels that a file has for a material's page, the largest first."""
+    document, binary = read_chunks(path)
+    [material] = [each for each in document["materials"] if each["name"] == name]
+    texture = document["textures"][material["extras"]["leafcloud"]["mipLevels"]["index"]]
+    view = document["bufferViews"][document["images"][texture["source"]]["bufferView"]]
+    image = leafcloud.decode_image(binary[view["byteOffset"] :][: view["byteLength"]])
+    texels, top, side = [], 0, image.shape[1]
+    while side:
+        texels.append(image[top : top + side, :side].reshape(-1, 4))
+        top, side = top + side, side // 2
+    return np.concatenate(texels)
+
+
+def test_pages_have_the_mip_levels_of_the_file(project: Path) -> None:
+    """Godot's importer changes the colors of transparent texels."""
+    out = run_script(project, "loaded.gd")
+    wanted = mip_levels_of(project / "tree.glb", json.loads((out / "loaded.json").read_text())["material"])
+    for name in ("imported", "loaded"):
+        texels = np.fromfile(out / f"{name}.bin", np.uint8).reshape(-1, 4)
+        assert np.array_equal(texels[:, 3], wanted[:, 3])
+        opaque = wanted[:, 3] > 100
+        assert opaque.sum() > 100
+        assert np.array_equal(texels[opaque], wanted[opaque])
 
 
 def scene_with_translucent_leaves(path: Path) -> None:
