@@ -24,6 +24,7 @@ from godot_project import (
     seen,
 )
 from mathutils import Matrix
+from numpy.typing import NDArray
 
 import leafcloud
 
@@ -64,21 +65,28 @@ def test_a_level_covers_as_much_as_the_one_before_it(views: Path) -> None:
 
 
 def check_hand_overs(views: Path) -> None:
-    """Compare levels that cover at least 300 pixels: below, single pixels decide. There is no antialiasing."""
+    """Compare levels that cover at least 300 pixels in all directions: below, single pixels decide. There is no
+    antialiasing.
+    """
     compared = 0
-    for before in sorted(views.glob("before_*.png")):
-        pair = [colors(before), colors(before.with_name(before.name.replace("before", "after")))]
-        masks = [seen(picture) for picture in pair]
+    for number in range(len(list(views.glob("before_*_0.png")))):
+        pair = [load(views, f"{name}_{number}") for name in ("before", "after")]
+        masks = [seen(pictures) for pictures in pair]
         covered = [int(mask.sum()) for mask in masks]
-        light = [float((picture[mask] ** 2.2).mean()) for picture, mask in zip(pair, masks, strict=True)]
+        light = [float((pictures[mask] ** 2.2).mean()) for pictures, mask in zip(pair, masks, strict=True)]
         ratios = f"coverage {covered[1] / covered[0]:.3f}, luminance {light[1] / light[0]:.3f}"
-        print(f"{views.name} {before.stem}: {covered[0]} pixels, {ratios}")
+        print(f"{views.name} {number} → {number + 1}: {covered[0]} pixels, {ratios}")
         if covered[0] < 300:
             continue
         compared += 1
         assert 0.9 < covered[1] / covered[0] < 1.1
         assert 0.94 < light[1] / light[0] < 1.06
     assert compared >= 1
+
+
+def load(views: Path, stem: str) -> NDArray[np.float64]:
+    """Return the pictures from all directions under one another, (n · h, w, 3)."""
+    return np.concatenate([colors(path) for path in sorted(views.glob(f"{stem}_*.png"))])
 
 
 def test_a_step_over_a_hand_over_does_not_show(project: Path, views: Path) -> None:

@@ -3,13 +3,14 @@ extends SceneTree
 ##
 ##     godot --script views.gd -- FOLDER
 ##
-## For each hand-over: the tree just before it (before_N.png), and the next level from the same place (after_N.png),
-## by a smaller LOD distance. The tree a step before and a step after three distances (NAME_N_0.png and NAME_N_1.png):
+## For each hand-over, from DIRECTIONS directions: the tree just before it (before_N_DIRECTION.png), and the next level from
+## the same place (after_N_DIRECTION.png), by a smaller LOD distance. The tree a step before and a step after three distances (NAME_N_0.png and NAME_N_1.png):
 ## begin and end of the cross-fade, and apart from it. For each level: the levels that draw a pixel at some distances
 ## (drawn.json).
 
 const SHARES := [0.5, 0.76, 1.15, 1.74, 2.64, 4.0]
 const STEP := 0.001
+const DIRECTIONS := 8
 
 const Stage := preload("stage.gd")
 
@@ -34,11 +35,11 @@ func _initialize() -> void:
 			drawn.append({"distance": distance, "levels": await _drawn(levels)})
 		if number + 1 < levels.size():
 			var fade: Vector2 = level["fade_out"]
-			await _look(camera, centre, 0.999 * fade.x)
-			_save("%s/before_%d.png" % [folder, number])
-			tree.lod_distance = 1.0 / 1.3
-			await _look(camera, centre, 0.999 * fade.x)
-			_save("%s/after_%d.png" % [folder, number])
+			for named: Array in [["before", 1.0], ["after", 1.0 / 1.3]]:
+				tree.lod_distance = named[1]
+				for i in DIRECTIONS:
+					await _look(camera, centre, 0.999 * fade.x, _direction(i))
+					_save("%s/%s_%d_%d.png" % [folder, named[0], number, i])
 			tree.lod_distance = 1.0
 			for named: Array in [["begin", fade.x], ["end", fade.y], ["apart", 0.97 * fade.x]]:
 				for side in 2:
@@ -48,8 +49,14 @@ func _initialize() -> void:
 	quit()
 
 
-func _look(camera: Camera3D, centre: Vector3, distance: float) -> void:
-	camera.position = centre + Vector3(0.4, 0.15, 1.0).normalized() * distance
+## Directions all around the tree, from a little below it to far above it.
+func _direction(number: int) -> Vector3:
+	var up := lerpf(-0.1, 0.8, number / (DIRECTIONS - 1.0))
+	return Vector3.BACK.rotated(Vector3.UP, 2.4 * number) * sqrt(1.0 - up * up) + up * Vector3.UP
+
+
+func _look(camera: Camera3D, centre: Vector3, distance: float, from := Vector3(0.4, 0.15, 1.0)) -> void:
+	camera.position = centre + from.normalized() * distance
 	camera.look_at(centre)
 	camera.near = 0.05 * distance
 	camera.far = 3.0 * distance
