@@ -37,6 +37,10 @@ const COVERAGE_ERROR: f64 = 0.005;
 /// How much larger the error of the area on mip levels ([`Kept::error`]) may become by a correction.
 const WORSE: f64 = 0.15;
 
+/// How much larger it may be than that of the best page for pictures to choose a page: they show no mip level at which the tree has but some
+/// pixels. A page of 24² texels with 0.15 more lost four fifths of its area on such a level.
+const CHOSEN_WORSE: f64 = 0.1;
+
 /// Range of the factors on the area.
 const AREAS: (f64, f64) = (0.7, 1.4);
 
@@ -109,10 +113,12 @@ impl EnginePage {
     }
 }
 
-/// Returns the pages that are worth a refinement, that of the least error first; the first one if there are no errors.
+/// Returns the pages that are worth a refinement, that of the least error first; the first one if there are no errors. `pages`: the one that keeps
+/// the area best first.
 fn chosen(pages: Vec<Kept>, error: impl Fn(&Kept) -> Result<Option<f64>>) -> Result<Vec<Kept>> {
     let mut compared = Vec::new();
-    for page in pages {
+    let most = pages.first().map_or(0.0, |best| best.error + CHOSEN_WORSE);
+    for page in pages.into_iter().filter(|page| page.error <= most) {
         let Some(error) = error(&page)? else { return Ok(vec![page]) };
         compared.push((error, page));
     }
@@ -243,6 +249,39 @@ mod tests {
         }
         let plain = shown(&means(&page)[3], &part, 0.5);
         assert!(plain < 0.1 * own, "box filtering loses them: {plain} of {own}");
+    }
+
+    /// Pictures that find every page the better, the greater its cutoff is.
+    struct GreatCutoffs;
+
+    impl Pictured for GreatCutoffs {
+        fn sight(&self, _: usize, _: Image, _: f32) -> Result<Sight> {
+            Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
+        }
+
+        fn error(&self, _: usize, _: &Image, cutoff: f32) -> Result<Option<f64>> {
+            Ok(Some(f64::from(-cutoff)))
+        }
+
+        fn refined(&self, _: usize, _: &Image, _: f32) -> Result<Option<Image>> {
+            Ok(None)
+        }
+    }
+
+    #[test]
+    fn pictures_choose_no_page_that_loses_its_area_on_mip_levels() {
+        let (page, part) = sparse(0.5);
+        let own = shown(&page, &part, 0.5);
+        let parts = std::slice::from_ref(&part);
+        let kept = |made: &EnginePage| {
+            means(&made.image).iter().take(4).map(|mip| shown(mip, &part, made.cutoffs[0]) / own).fold(1.0, f64::min)
+        };
+        let [by_area, by_pictures] = [
+            EnginePage::new(&page, parts, 1, &as_leaves()).unwrap(),
+            EnginePage::new(&page, parts, 1, &GreatCutoffs).unwrap(),
+        ];
+        assert!(by_pictures.cutoffs[0] >= by_area.cutoffs[0]);
+        assert!(kept(&by_pictures) > kept(&by_area) - 0.2, "{} and {}", kept(&by_pictures), kept(&by_area));
     }
 
     #[test]
