@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,18 @@ def test_mip_levels_are_those_of_the_ktx2(number: int, files: Path, tmp_path: Pa
         assert np.array_equal(drawn, seen[..., 3] >= cutoff)
         if drawn.any():
             assert np.abs(level[drawn].astype(float) - seen[drawn])[:, :3].mean() < 6.0
+
+
+def test_the_validator_finds_nothing_but_ktx2(
+    files: Path, gltf_issues: Callable[..., list[dict[str, Any]]], tmp_path: Path, shrub: Path
+) -> None:
+    bake(shrub, tmp_path, *QUICK, "--engine", "godot", "--levels", 1, "--last", "octahedral", "--effects", "none")
+    for number in (1, 2):
+        document, _ = read_chunks(tmp_path / f"shrub_LOD{number}.glb")
+        assert "mipLevels" in str(document["materials"])
+    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+    found = gltf_issues(*files.glob("*.glb"))
+    assert {issue["code"] for issue in found} <= {"VALUE_NOT_IN_LIST", "IMAGE_UNRECOGNIZED_FORMAT"}
 
 
 def test_other_engines_get_no_mip_levels(tmp_path: Path, shrub: Path) -> None:
