@@ -11,7 +11,7 @@ KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
 
 MIP_ENGINES = ("babylon", "godot")
-"""The engines whose package or add-on gives PNG textures the mip levels of the file."""
+"""The engines that read mip levels beside the PNG textures, by a package or an add-on of this repository."""
 
 MOST_HALVINGS = 3
 """As many as `leafcloud.Level.for_engines` allows."""

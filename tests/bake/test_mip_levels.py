@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from command_line import QUICK, bake
 from glb import read_chunks
-from numpy.typing import NDArray
+from mip_levels import levels_in
 
 import leafcloud
 
@@ -39,16 +39,6 @@ def page_of(path: Path, number: int) -> tuple[dict[str, Any], dict[str, bytes]]:
     mips = document["textures"][material["extras"]["leafcloud"]["mipLevels"]["index"]]
     compressed = color["extensions"]["KHR_texture_basisu"]["source"]
     return material, {"png": image(color["source"]), "mips": image(mips["source"]), "ktx2": image(compressed)}
-
-
-def levels_in(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """Return the square mip levels that lie under one another at the left side of an image."""
-    found, top, side = [], 0, image.shape[1]
-    while side:
-        found.append(image[top : top + side, :side])
-        top, side = top + side, side // 2
-    assert top == len(image)
-    return found
 
 
 @pytest.mark.parametrize("number", [1, 2])

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from glb import read_chunks
 from godot_project import NEEDS_GODOT, RENDERERS, ROOT, TREE, colors, project_with, run_script, seen
+from mip_levels import levels_in
 from numpy.typing import NDArray
 
 import leafcloud
@@ -92,11 +93,7 @@ def mip_levels_of(path: Path, name: str) -> NDArray[np.uint8]:
     texture = document["textures"][material["extras"]["leafcloud"]["mipLevels"]["index"]]
     view = document["bufferViews"][document["images"][texture["source"]]["bufferView"]]
     image = leafcloud.decode_image(binary[view["byteOffset"] :][: view["byteLength"]])
-    texels, top, side = [], 0, image.shape[1]
-    while side:
-        texels.append(image[top : top + side, :side].reshape(-1, 4))
-        top, side = top + side, side // 2
-    return np.concatenate(texels)
+    return np.concatenate([level.reshape(-1, 4) for level in levels_in(image)])
 
 
 def test_pages_have_the_mip_levels_of_the_file(project: Path) -> None:
