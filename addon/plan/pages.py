@@ -10,7 +10,7 @@ from ..settings.levels import LARGEST_TEXTURE, SMALLEST_TEXTURE
 KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
 
-MIP_ENGINES = ("babylon", "godot")
+MIP_ENGINES = ("babylon", "bevy", "godot")
 """The engines that read mip levels beside the PNG textures, by a package or an add-on of this repository."""
 
 MOST_HALVINGS = 3

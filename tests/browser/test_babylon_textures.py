@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import mip_levels
 import numpy as np
 import pytest
 from command_line import QUICK, bake
@@ -75,20 +76,6 @@ def test_hand_overs_keep_the_coverage(tree: Path) -> None:
 def test_png_textures_have_the_mip_levels_of_ktx2(tree: Path, tmp_path: Path) -> None:
     """A file without them has those of a box filter, as after a tool that drops unknown images or resizes them."""
 
-    def without_levels(document: dict[str, Any], _: bytearray) -> None:
-        for material in document["materials"]:
-            material.get("extras", {}).get("leafcloud", {}).pop("mipLevels", None)
-
-    def of_another_size(document: dict[str, Any], _: bytearray) -> None:
-        for material in document["materials"]:
-            if "mipLevels" in material.get("extras", {}).get("leafcloud", {}):
-                material["extras"]["leafcloud"]["mipLevels"] = material["pbrMetallicRoughness"]["baseColorTexture"]
-
-    def numbered_anew(document: dict[str, Any], _: bytearray) -> None:
-        for material in document["materials"]:
-            if "mipLevels" in material.get("extras", {}).get("leafcloud", {}):
-                material["extras"]["leafcloud"]["mipLevels"] = {"index": len(document["textures"])}
-
     def broken(document: dict[str, Any], body: bytearray) -> None:
         views = [each["bufferView"] for each in document["images"] if each.get("name", "").endswith("mip levels")]
         assert len(views) > 1
@@ -102,11 +89,11 @@ def test_png_textures_have_the_mip_levels_of_ktx2(tree: Path, tmp_path: Path) ->
     distance = 1.2 * hand_overs(levels_of(tree))[0]
     shutil.copy(tree.parent / "bundle.js", tmp_path)
     ktx2, png = covered(tree, TRANSCODER), covered(tree, None)
-    plain = covered(rewritten(tree, tmp_path / "plain.glb", without_levels), None)
+    plain = covered(rewritten(tree, tmp_path / "plain.glb", mip_levels.without), None)
     assert ktx2.sum() > 300
     assert (png != ktx2).sum() < 0.02 * ktx2.sum(), "but for the compression of colors"
     assert (plain != ktx2).sum() > 0.05 * ktx2.sum()
-    for edit in (of_another_size, numbered_anew, broken):
+    for edit in (mip_levels.of_another_size, mip_levels.numbered_anew, broken):
         assert np.array_equal(covered(rewritten(tree, tmp_path / "other.glb", edit), None), plain)
 
 

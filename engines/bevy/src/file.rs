@@ -57,6 +57,8 @@ pub struct Part {
     pub material: Handle<StandardMaterial>,
     /// Numbers of the material that Bevy's loader does not read.
     pub(crate) light: Light,
+    /// Image with the mip levels of the base color, which lie under one another.
+    pub(crate) mip_levels: Option<Handle<Image>>,
 }
 
 /// Numbers of a material that Bevy's loader does not read.
@@ -92,9 +94,16 @@ impl NodeNumbers {
     }
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 struct MaterialNumbers {
     light_strength: Option<f32>,
+    #[serde(rename = "mipLevels")]
+    mip_levels: Option<TextureNumber>,
+}
+
+#[derive(Deserialize)]
+struct TextureNumber {
+    index: usize,
 }
 
 fn numbers_in<T: DeserializeOwned>(extras: Option<&RawValue>) -> Option<T> {
@@ -157,16 +166,19 @@ fn levels_of(chain: &[usize], document: &gltf::Document, context: &mut LoadConte
             transition,
             fade_in: number.checked_sub(1).map_or(0.0..0.0, |before| fades[before].clone()),
             fade_out: fades[number].clone(),
-            parts: parts_of(&mesh, context),
+            parts: parts_of(&mesh, document, context),
         }
     });
     levels.collect()
 }
 
-fn parts_of(mesh: &gltf::Mesh<'_>, context: &mut LoadContext<'_>) -> Vec<Part> {
+fn parts_of(mesh: &gltf::Mesh<'_>, document: &gltf::Document, context: &mut LoadContext<'_>) -> Vec<Part> {
     let parts = mesh.primitives().map(|primitive| {
         let label = GltfAssetLabel::Primitive { mesh: mesh.index(), primitive: primitive.index() };
         let material = primitive.material();
+        let numbers: MaterialNumbers = numbers_in(material.extras().as_deref()).unwrap_or_default();
+        // A texture that the file lacks would never be loaded.
+        let mip_levels = numbers.mip_levels.filter(|texture| texture.index < document.textures().len());
         let name = match material.index() {
             Some(index) => GltfAssetLabel::Material { index, is_scale_inverted: false },
             None => GltfAssetLabel::DefaultMaterial,
@@ -175,17 +187,17 @@ fn parts_of(mesh: &gltf::Mesh<'_>, context: &mut LoadContext<'_>) -> Vec<Part> {
             mesh: context.get_label_handle(label.to_string()),
             // The label under which bevy_pbr adds the material for drawing.
             material: context.get_label_handle(format!("{name}/std")),
-            light: light_of(&material),
+            light: light_of(&material, numbers.light_strength),
+            mip_levels: mip_levels
+                .map(|texture| context.get_label_handle(GltfAssetLabel::Texture(texture.index).to_string())),
         }
     });
     parts.collect()
 }
 
-fn light_of(material: &gltf::Material<'_>) -> Light {
+fn light_of(material: &gltf::Material<'_>, strength: Option<f32>) -> Light {
     let transmission = material.extension_value("KHR_materials_diffuse_transmission");
     let through = transmission.and_then(|values| values.get("diffuseTransmissionFactor")?.as_f64());
-    let numbers: Option<MaterialNumbers> = numbers_in(material.extras().as_deref());
-    let strength = numbers.and_then(|numbers| numbers.light_strength);
     Light {
         through: through.map_or(Light::PLAIN.through, |through| through as f32),
         strength: strength.unwrap_or(Light::PLAIN.strength),

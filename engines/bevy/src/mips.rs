@@ -1,28 +1,61 @@
 //! Mip levels for images that have none: Bevy makes none for PNG and JPEG files.
 //!
-//! The atlas pages of a bake keep their coverage with box-filtered mip levels, so these are made here. Colors are averaged as light.
+//! Atlas pages take those of their file. Those of other images are made with a box filter; colors are averaged as light.
 
 use bevy::image::{Image, ImageFilterMode, ImageSampler};
 use bevy::render::render_resource::{TextureDimension, TextureFormat};
 
 /// Adds all smaller mip levels to an image with 8 bits a channel. Other images, and those with mip levels, stay as they are.
 pub fn add_mips(image: &mut Image) {
-    let descriptor = &image.texture_descriptor;
     let (width, height) = (image.width() as usize, image.height() as usize);
-    let is_plain = descriptor.mip_level_count == 1
-        && descriptor.dimension == TextureDimension::D2
-        && descriptor.size.depth_or_array_layers == 1;
-    let (Some(codes), Some(data), true) = (Codes::of(descriptor.format), &mut image.data, is_plain) else {
+    let codes = Codes::of(image.texture_descriptor.format);
+    let (Some(codes), Some(texels), true) = (codes, &image.data, has_one_level(image)) else {
         return;
     };
-    let mut last = Page { width, height, texels: data.clone() };
-    let mut levels = 1;
+    let mut last = Page { width, height, texels: texels.clone() };
+    let mut all = texels.clone();
     while last.width > 1 || last.height > 1 {
         last = last.halved(&codes);
-        data.extend_from_slice(&last.texels);
-        levels += 1;
+        all.extend_from_slice(&last.texels);
     }
-    image.texture_descriptor.mip_level_count = levels;
+    set_levels(image, all);
+}
+
+/// Gives an atlas page the mip levels that lie under one another in another image, at its left side. The first replaces the page.
+/// A page of another size, as other tools write, stays.
+pub fn use_levels(page: &mut Image, levels: &Image) {
+    const TEXEL: usize = 4;
+    let sizes = sizes_of(page.width() as usize, page.height() as usize);
+    let height: usize = sizes.iter().map(|(_, height)| height).sum();
+    let is_of_page = [&*page, levels]
+        .iter()
+        .all(|image| image.texture_descriptor.format == TextureFormat::Rgba8UnormSrgb && has_one_level(image))
+        && (levels.width(), levels.height() as usize) == (page.width(), height);
+    let (Some(texels), true) = (&levels.data, is_of_page) else {
+        return;
+    };
+    let widths = sizes.iter().flat_map(|&(width, height)| std::iter::repeat_n(width, height));
+    let rows = texels.chunks_exact(TEXEL * levels.width() as usize);
+    set_levels(page, rows.zip(widths).flat_map(|(row, width)| &row[..TEXEL * width]).copied().collect());
+}
+
+fn has_one_level(image: &Image) -> bool {
+    let descriptor = &image.texture_descriptor;
+    let is_flat = descriptor.dimension == TextureDimension::D2 && descriptor.size.depth_or_array_layers == 1;
+    is_flat && descriptor.mip_level_count == 1
+}
+
+/// Returns width and height of an image and of its mip levels.
+fn sizes_of(width: usize, height: usize) -> Vec<(usize, usize)> {
+    let smaller =
+        |&(width, height): &(usize, usize)| (width.max(height) > 1).then(|| ((width / 2).max(1), (height / 2).max(1)));
+    std::iter::successors(Some((width, height)), smaller).collect()
+}
+
+/// Replaces an image by the texels of all its mip levels, the largest first.
+fn set_levels(image: &mut Image, texels: Vec<u8>) {
+    image.texture_descriptor.mip_level_count = sizes_of(image.width() as usize, image.height() as usize).len() as u32;
+    image.data = Some(texels);
     if let ImageSampler::Descriptor(sampler) = &mut image.sampler {
         sampler.mipmap_filter = ImageFilterMode::Linear;
     }
@@ -140,6 +173,30 @@ mod tests {
         let once = page.data.clone();
         add_mips(&mut page);
         assert_eq!(page.data, once);
+    }
+
+    #[test]
+    fn the_levels_of_the_file_replace_the_page() {
+        // Levels of 4 × 2, 2 × 1 and 1 × 1 texels, each of one color.
+        let row = |colors: [u8; 4]| colors.map(|color| [color; 4]).concat();
+        let stack = [row([1; 4]), row([1; 4]), row([2, 2, 0, 0]), row([3, 0, 0, 0])].concat();
+        let mut page = image(4, 2, TextureFormat::Rgba8UnormSrgb, vec![9; 32]);
+        use_levels(&mut page, &image(4, 4, TextureFormat::Rgba8UnormSrgb, stack.clone()));
+        assert_eq!(page.texture_descriptor.mip_level_count, 3);
+        assert_eq!(page.data.clone().unwrap(), [vec![1; 32], vec![2; 8], vec![3; 4]].concat());
+        add_mips(&mut page);
+        assert_eq!(page.data.unwrap().len(), 44);
+    }
+
+    #[test]
+    fn levels_of_a_page_of_another_size_or_format_are_no_use() {
+        let levels = image(4, 4, TextureFormat::Rgba8UnormSrgb, vec![1; 64]);
+        for (width, height, format) in [(2, 2, TextureFormat::Rgba8UnormSrgb), (4, 2, TextureFormat::Rgba8Unorm)] {
+            let texels = vec![9; (4 * width * height) as usize];
+            let mut page = image(width, height, format, texels.clone());
+            use_levels(&mut page, &levels);
+            assert_eq!((page.data.unwrap(), page.texture_descriptor.mip_level_count), (texels, 1));
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use bevy::camera::primitives::MeshAabb;
 use bevy::prelude::*;
 
 use crate::file::{LeafcloudFile, Level, Light};
-use crate::mips::add_mips;
+use crate::mips::{add_mips, use_levels};
 
 pub(crate) fn make_ready(
     mut events: MessageReader<AssetEvent<LeafcloudFile>>,
@@ -26,6 +26,7 @@ pub(crate) fn make_ready(
         for levels in &mut file.trees {
             centre_meshes(levels, &mut meshes);
             add_light(levels, &mut materials, &mut lit);
+            use_levels_of(levels, &materials, &mut images);
             add_mips_of(levels, &materials, &mut images);
         }
         file.is_ready = true;
@@ -52,11 +53,7 @@ fn centre_meshes(levels: &mut [Level], meshes: &mut Assets<Mesh>) {
     }
 }
 
-fn add_light(
-    levels: &[Level],
-    materials: &mut Assets<StandardMaterial>,
-    lit: &mut HashSet<AssetId<StandardMaterial>>,
-) {
+fn add_light(levels: &[Level], materials: &mut Assets<StandardMaterial>, lit: &mut HashSet<AssetId<StandardMaterial>>) {
     for part in levels.iter().flat_map(|level| &level.parts) {
         if part.light == Light::PLAIN || !lit.insert(part.material.id()) {
             continue;
@@ -69,7 +66,18 @@ fn add_light(
     }
 }
 
-/// Gives the images mip levels, except cutouts of the leaves themselves, which mip levels would thin out.
+/// Gives the atlas pages the mip levels of their file.
+fn use_levels_of(levels: &mut [Level], materials: &Assets<StandardMaterial>, images: &mut Assets<Image>) {
+    for part in levels.iter_mut().flat_map(|level| &mut level.parts) {
+        let image = part.mip_levels.take().and_then(|handle| images.get(&handle).cloned());
+        let page = materials.get(&part.material).and_then(|material| material.base_color_texture.as_ref());
+        if let (Some(image), Some(mut page)) = (image, page.and_then(|page| images.get_mut(page))) {
+            use_levels(&mut page, &image);
+        }
+    }
+}
+
+/// Gives the other images mip levels, except cutouts of the leaves themselves, which mip levels would thin out.
 fn add_mips_of(levels: &[Level], materials: &Assets<StandardMaterial>, images: &mut Assets<Image>) {
     let materials_of = |level: &Level| -> Vec<&StandardMaterial> {
         level.parts.iter().filter_map(|part| materials.get(&part.material)).collect()
