@@ -37,7 +37,7 @@ const COVERAGE_ERROR: f64 = 0.005;
 /// How much larger the error of the area on mip levels ([`Kept::error`]) may become by a correction.
 const WORSE: f64 = 0.15;
 
-/// How much larger it may be than that of the best page for pictures to choose a page: they show no mip level at which the tree has but some
+/// How much larger it may be than that of the best page for pictures to prefer a page: they show no mip level at which the tree has but some
 /// pixels. A page of 24² texels with 0.15 more lost four fifths of its area on such a level.
 const CHOSEN_WORSE: f64 = 0.1;
 
@@ -113,17 +113,17 @@ impl EnginePage {
     }
 }
 
-/// Returns the pages that are worth a refinement, that of the least error first; the first one if there are no errors. `pages`: the one that keeps
-/// the area best first.
+/// Returns the pages that are worth a refinement, that of the least error first; the first one if there are no errors. Pages that lose area come
+/// last: they count where no other page can be refined. `pages`: the one that keeps the area best first.
 fn chosen(pages: Vec<Kept>, error: impl Fn(&Kept) -> Result<Option<f64>>) -> Result<Vec<Kept>> {
     let mut compared = Vec::new();
     let most = pages.first().map_or(0.0, |best| best.error + CHOSEN_WORSE);
-    for page in pages.into_iter().filter(|page| page.error <= most) {
+    for page in pages {
         let Some(error) = error(&page)? else { return Ok(vec![page]) };
-        compared.push((error, page));
+        compared.push((page.error > most, error, page));
     }
-    compared.sort_by(|(one, _), (other, _)| one.total_cmp(other));
-    Ok(compared.into_iter().take(REFINED).map(|(_, page)| page).collect())
+    compared.sort_by(|(lost, error, _), (others, other, _)| lost.cmp(others).then(error.total_cmp(other)));
+    Ok(compared.into_iter().take(REFINED).map(|(.., page)| page).collect())
 }
 
 /// Returns the first page that a refinement makes better, refined, or the first page; each with its cutoff. Later ones are not made.
@@ -251,8 +251,18 @@ mod tests {
         assert!(plain < 0.1 * own, "box filtering loses them: {plain} of {own}");
     }
 
-    /// Pictures that find a page the better, the less the last of these mip levels of it shows.
-    struct Losing(PagePart, usize);
+    /// Pictures that find a page the better, the less a mip level of it shows, and refine pages of which it shows less than `refined`.
+    struct Losing {
+        part: PagePart,
+        mip: usize,
+        refined: f64,
+    }
+
+    impl Losing {
+        fn shown(&self, image: &Image, cutoff: f32) -> f64 {
+            shown(&means(image)[self.mip], &self.part, cutoff)
+        }
+    }
 
     impl Pictured for Losing {
         fn sight(&self, _: usize, _: Image, _: f32) -> Result<Sight> {
@@ -260,24 +270,27 @@ mod tests {
         }
 
         fn error(&self, _: usize, image: &Image, cutoff: f32) -> Result<Option<f64>> {
-            Ok(Some(shown(&means(image)[self.1], &self.0, cutoff)))
+            Ok(Some(self.shown(image, cutoff)))
         }
 
-        fn refined(&self, _: usize, _: &Image, _: f32) -> Result<Option<Image>> {
-            Ok(None)
+        fn refined(&self, _: usize, image: &Image, cutoff: f32) -> Result<Option<Image>> {
+            Ok((self.shown(image, cutoff) < self.refined).then(|| image.clone()))
         }
     }
 
     #[test]
-    fn pictures_choose_no_page_that_loses_its_area_on_mip_levels() {
+    fn pictures_choose_a_page_that_loses_its_area_on_mip_levels_only_if_no_other_can_be_refined() {
         let (page, part) = sparse(0.5);
         let own = shown(&page, &part, 0.5);
         let kept = |pictured: &dyn Pictured| {
             let made = EnginePage::new(&page, std::slice::from_ref(&part), 1, pictured).unwrap();
             shown(&means(&made.image)[2], &part, made.cutoffs[0]) / own
         };
-        let (by_area, by_pictures) = (kept(&as_leaves()), kept(&Losing(part.clone(), 2)));
-        assert!(by_pictures > by_area - 0.3, "{by_pictures} and {by_area}");
+        let by_pictures = |refined: f64| kept(&Losing { part: part.clone(), mip: 2, refined: refined * own });
+        let by_area = kept(&as_leaves());
+        let (any, losing) = (by_pictures(f64::INFINITY), by_pictures(by_area - 0.3));
+        assert!(any > by_area - 0.3, "{any} and {by_area}");
+        assert!(losing < by_area - 0.3, "{losing} and {by_area}");
     }
 
     #[test]
