@@ -33,6 +33,7 @@ from ..plan.camera_visibility import seen_as_set
 from ..plan.costs import with_costs
 from ..plan.decision import Decision, is_on
 from ..plan.effects import on_effects, plan_channels, plan_effects, plan_levels, sees_pages
+from ..plan.engine_limits import undrawn_warnings
 from ..plan.facts import Facts
 from ..plan.lod_range import View
 from ..plan.pages import ktx2_warning
@@ -128,7 +129,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     pages = ktx2_warning(settings, clouds + cross)
     read = [*leaves.messages, *(() if trunks is None else trunks.messages), *reflection.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
-    warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else [])]))
+    undrawn = undrawn_warnings(settings.engine, effects)
+    warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else []), *undrawn]))
     blowing = (facts.wind or BREEZE) if is_on(effects, "wind") else None
     return Prepared(
         tree,

@@ -89,7 +89,8 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         films = {film_name(tree, level): tree for tree in trees for level in range(1, len(tree.levels))}
         files = sorted([*staging.files, *films, "preview.png", "report.html", "report.json"])
         reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, load) for each in trees}
-        content = joint_report(reports) if len(trees) > 1 else reports[name]
+        engine = trees[0].prepared.settings.engine
+        content = joint_report(reports, engine) if len(trees) > 1 else reports[name]
         progress("write preview.png", 0.0)
         write_pictures(staging, name, content, [(tree, reports[tree.collection.name]) for tree in trees])
         staging.write_json("report.json", content)

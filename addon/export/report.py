@@ -16,6 +16,7 @@ from ..bake.drawing import LevelDrawing, drawing_costs, left_out_reasons, needs_
 from ..bake.values import Baked
 from ..levels.building import BuiltLevel
 from ..plan.decision import Decision, is_on
+from ..plan.engine_limits import several_trees_warnings
 from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings
 from .gpu_load import GpuLoad
@@ -93,7 +94,7 @@ def texture_warnings(levels: Sequence[dict[str, Any]]) -> list[str]:
     ]
 
 
-def joint_report(reports: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
+def joint_report(reports: Mapping[str, dict[str, Any]], engine: str) -> dict[str, Any]:
     """Return the content of report.json for several trees: the common values once, the rest for each tree by name."""
     common = ("leafcloud", "blender", "files")
     first = next(iter(reports.values()))
@@ -101,7 +102,8 @@ def joint_report(reports: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
         {"name": name, **{key: value for key, value in content.items() if key not in common}}
         for name, content in reports.items()
     ]
-    warnings = [f"{tree['name']}: {warning}" for tree in trees for warning in tree["warnings"]]
+    of_trees = [f"{tree['name']}: {warning}" for tree in trees for warning in tree["warnings"]]
+    warnings = [*several_trees_warnings(engine, len(trees)), *of_trees]
     return {**{key: first[key] for key in common[:2]}, "trees": trees, "files": first["files"], "warnings": warnings}
 
 

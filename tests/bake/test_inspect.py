@@ -145,6 +145,19 @@ def test_the_tables_name_every_level(folder: Path, capsys: pytest.CaptureFixture
     assert "BROKEN" not in printed
 
 
+def test_several_files_are_read(folder: Path, shrub: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    status, found = inspected(capsys, folder / "shrub.glb", shrub)
+    assert (status, [row["file"] for row in found]) == (0, [str(folder / "shrub.glb"), str(shrub)])
+    alone = [inspected(capsys, file)[1] for file in (folder / "shrub.glb", shrub)]
+    assert [{key: value for key, value in row.items() if key != "file"} for row in found] == alone
+    (tmp_path / "broken.glb").write_bytes(b"")
+    assert main(["inspect", str(tmp_path / "broken.glb"), str(shrub)]) == 1
+    printed = capsys.readouterr()
+    assert "broken.glb is no GLB file" in printed.err
+    assert printed.out.startswith(f"{shrub}\n")
+    assert "no levels of Leafcloud" in printed.out
+
+
 @pytest.mark.parametrize(
     ("content", "reason"),
     [

@@ -68,6 +68,7 @@ def checked(command: list[str]) -> str:
     assert "SCRIPT ERROR" not in said, said
     assert "SHADER ERROR" not in said, said
     assert "Error compiling" not in said, said
+    assert "ERROR: Bug" not in said, said
     return said
 
 

@@ -46,7 +46,10 @@ namespace Leafcloud
                     var asset = AssetDatabase.LoadAssetAtPath<GameObject>(stem + "_LOD" + number + ".glb");
                     if (asset == null)
                     {
-                        Debug.LogError("Leafcloud: " + stem + "_LOD" + number + ".glb is missing: copy all files of the bake.");
+                        string file = stem + "_LOD" + number + ".glb";
+                        Debug.LogError("Leafcloud: " + file + (File.Exists(file)
+                            ? " is not imported: install an importer of GLB files, such as glTFast, then reimport."
+                            : " is missing: copy all files of the bake."));
                         return;
                     }
                     var level = (GameObject)PrefabUtility.InstantiatePrefab(asset);

@@ -1,6 +1,6 @@
 """The command `leafcloud`.
 
-leafcloud inspect FILE.glb [--against LEAVES.glb] [--json]
+leafcloud inspect FILE.glb … [--against LEAVES.glb] [--json]
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from . import LeafcloudError, __version__
 from .inspection import Inspection, Score, compare, inspect
@@ -24,32 +25,48 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     inspecting = commands.add_parser(
         "inspect",
-        help="show levels, bytes and promises of a GLB file, and the parts that engines drop",
-        description="Show the levels, bytes and promises of a GLB file, of this or another tool.",
+        help="show levels, bytes and promises of GLB files, and the parts that engines drop",
+        description="Show the levels, bytes and promises of GLB files, of this or another tool.",
     )
-    inspecting.add_argument("file", type=Path, metavar="FILE.glb", help="the file")
+    inspecting.add_argument("files", nargs="+", type=Path, metavar="FILE.glb", help="the files")
     inspecting.add_argument(
         "--against",
         type=Path,
         metavar="LEAVES.glb",
-        help="compare the pictures and the cost of drawing of the file's scene with those of this file",
+        help="compare the pictures and the cost of drawing of each file's scene with those of this file",
     )
-    inspecting.add_argument("--json", action="store_true", help="print JSON in place of tables")
+    inspecting.add_argument(
+        "--json", action="store_true", help="print JSON in place of tables: of several files a list"
+    )
     options = parser.parse_args(arguments)
     try:
-        found = inspect(options.file)
-        scores = [] if options.against is None else compare(options.file, options.against)
-    except LeafcloudError as error:
-        print(f"leafcloud: {error}", file=sys.stderr)
-        return 1
+        return _inspect(options)
     except KeyboardInterrupt:
         print("leafcloud: interrupted", file=sys.stderr)
         return 130
-    if options.json:
-        _print(json.dumps({**asdict(found), "scores": [asdict(score) for score in scores]}, indent=2))
-    else:
-        _print("\n".join(_lines(found, scores)))
-    return 0 if all(check.holds for check in found.checks) else 1
+
+
+def _inspect(options: argparse.Namespace) -> int:
+    """Read and print all files that can be read. Return the exit status."""
+    read: dict[Path, tuple[Inspection, list[Score]]] = {}
+    for file in options.files:
+        try:
+            read[file] = inspect(file), [] if options.against is None else compare(file, options.against)
+        except LeafcloudError as error:
+            print(f"leafcloud: {error}", file=sys.stderr)
+    is_list = len(options.files) > 1
+    if options.json and (is_list or read):
+        rows = [{**({"file": str(file)} if is_list else {}), **_json(*each)} for file, each in read.items()]
+        _print(json.dumps(rows if is_list else rows[0], indent=2))
+    elif read:
+        texts = ["\n".join([*([str(file), ""] if is_list else []), *_lines(*each)]) for file, each in read.items()]
+        _print("\n\n\n".join(texts))
+    holds = all(check.holds for found, _ in read.values() for check in found.checks)
+    return 0 if holds and read.keys() == {*options.files} else 1
+
+
+def _json(found: Inspection, scores: Sequence[Score]) -> dict[str, Any]:
+    return {**asdict(found), "scores": [asdict(score) for score in scores]}
 
 
 def _print(text: str) -> None:
@@ -78,6 +95,8 @@ def _lines(found: Inspection, scores: Sequence[Score]) -> list[str]:
         ],
     )
     lines += ["", *(f"{level.name}: {', '.join(level.attributes)}" for level in found.levels)]
+    if all(level.number is None for level in found.levels):
+        lines += ["", "no levels of Leafcloud"]
     if found.checks:
         lines += [
             "",

@@ -416,7 +416,10 @@ def _engines(file: GlbFile, levels: tuple[LevelRow, ...]) -> Iterator[tuple[str,
     if {"EXT_meshopt_compression", "KHR_meshopt_compression"} & {*file.document.get("extensionsRequired", [])}:
         yield "Babylon.js, Blender, Godot, Unreal, Bevy", "cannot open compressed meshes"
     if "MSFT_lod" in file.document.get("extensionsUsed", []):
-        yield "glTFast, Unreal, Bevy", "show level 0 only: they do not read MSFT_lod"
+        yield (
+            "glTFast, Unreal, Bevy",
+            "show level 0 only by themselves: they do not read MSFT_lod; docs/engines.md has scripts and a package",
+        )
 
 
 def compare(path: Path, leaves: Path) -> list[Score]:

@@ -30,6 +30,7 @@ func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error
 		return ERR_SKIP
 	if extensions.has("KHR_texture_basisu"):
 		push_warning("Leafcloud: Godot draws the KTX2 textures of this file far too dark. Bake it with --engine godot.")
+	state.set_additional_data(META, {}) # Pages with mip levels. Godot calls reading unset data an error.
 	# The other levels are in no scene, so that plain readers show the tree once.
 	var json := state.json
 	var levels := []
@@ -211,14 +212,12 @@ static func _unread(state: GLTFState, name: String) -> Dictionary:
 
 ## The texture of a page with its own mip levels. Materials may share it.
 static func _page(state: GLTFState, material: Dictionary, levels: Dictionary) -> Texture2D:
-	var made: Variant = state.get_additional_data(META)
-	var pages: Dictionary = made if made is Dictionary else {}
+	var pages: Dictionary = state.get_additional_data(META)
 	if not pages.has(levels["index"]):
 		var color: Dictionary = material["pbrMetallicRoughness"]["baseColorTexture"]
 		var page := _texture(state, color)
 		var image := _texture(state, levels)
 		pages[levels["index"]] = LeafTexture.with_levels(page, image) if page != null and image != null else page
-		state.set_additional_data(META, pages)
 	return pages[levels["index"]]
 
 
