@@ -151,7 +151,7 @@ bench-three: setup $(THREE)/node_modules/.package-lock.json ## measure the level
 	.venv/bin/python bench/three.py $(ARGS)
 
 .PHONY: bench-engines
-bench-engines: setup $(NODE_MODULES) ## measure hand-overs and files in three.js and Babylon.js (half an hour)
+bench-engines: setup $(NODE_MODULES) ## measure hand-overs and files in three.js and Babylon.js (an hour)
 	@tools/prerequisites.sh chromium
 	@mkdir -p docs/bench
 	.venv/bin/python bench/engines.py $(ARGS)
