@@ -63,7 +63,9 @@ def bake(tree: Path, out: Path, *flags: str) -> Path:
     """Bake level 1 of a tree, with further flags; return the .blend file."""
     effects = "transitions,normals,occlusion,self_shadowing"
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--effects", effects]
-    subprocess.run([*command, "--levels", "1", "--no-cross", *flags], check=True, capture_output=True)
+    # Billboards also where simplified leaves would be cheaper.
+    level = ("--levels", "1", "--no-cross", "--form", "billboards", "--every-level")
+    subprocess.run([*command, *level, *flags], check=True, capture_output=True)
     return out / f"{tree.stem}.blend"
 
 
