@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
-from addon.export.report import joint_report
 from addon.plan.decision import Decision
-from addon.plan.engine_limits import UNDRAWN, undrawn_warnings
+from addon.plan.engine_limits import UNDRAWN, several_trees_warnings, undrawn_warnings
 from addon.plan.registry import effect_named
 from addon.settings.choices import ENGINES
 from addon.settings.flags import with_flags
@@ -33,9 +30,9 @@ def test_the_names_are_those_of_engines_and_effects() -> None:
     assert all(effect_named(name).name == name for names in UNDRAWN.values() for name in names)
 
 
-@pytest.mark.parametrize(("engine", "is_refused"), [("unity", True), ("unreal", True), ("three", False)])
-def test_engines_that_read_one_tree_a_file_have_a_warning_for_several(engine: str, is_refused: bool) -> None:
-    report = {"leafcloud": "0", "blender": "4", "files": [], "warnings": ["small"]}
-    warnings = joint_report({"oak": dict(report), "elm": dict(report)}, engine)["warnings"]
-    assert warnings[-2:] == ["oak: small", "elm: small"]
-    assert any("one tree a file" in warning for warning in warnings) == is_refused
+def test_engines_that_read_one_tree_a_file_have_a_warning_for_several() -> None:
+    for engine in ("unity", "unreal"):
+        [warning] = several_trees_warnings(engine, 2)
+        assert engine.title() in warning
+        assert several_trees_warnings(engine, 1) == []
+    assert several_trees_warnings("three", 2) == []
