@@ -10,7 +10,7 @@ UNDRAWN = {"bevy": ("wind", "pruning")}
 """Effects that the package for an engine does not draw."""
 
 ONE_TREE = ("unity", "unreal")
-"""Engines whose scripts read files with one tree only."""
+"""The scripts for these engines read files with one tree only."""
 
 
 def undrawn_warnings(engine: str, effects: Sequence[Decision]) -> list[str]:

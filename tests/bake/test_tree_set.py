@@ -14,6 +14,7 @@ import pytest
 from command_line import bake as bake_files
 from command_line import refusal, run, saved
 from glb import read_glb
+from mip_levels import with_levels
 from node_trees import new_material
 from numpy.typing import NDArray
 from scenes import add_mesh
@@ -332,11 +333,7 @@ def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> Non
     assert {node["name"] for node in content["nodes"]} >= {"maple_LOD1", "shrub_LOD1"}
     kinds = [image["mimeType"] for image in content["images"]]
     assert (kinds.count("image/png"), kinds.count("image/ktx2")) == (3, 2)
-    first, second = (
-        material["extras"]["leafcloud"]["mipLevels"]
-        for material in content["materials"]
-        if "mipLevels" in material.get("extras", {}).get("leafcloud", {})
-    )
+    first, second = (material["extras"]["leafcloud"]["mipLevels"] for material in with_levels(content))
     assert first == second, "the trees share a page"
 
 

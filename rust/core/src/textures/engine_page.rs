@@ -251,7 +251,7 @@ mod tests {
         assert!(plain < 0.1 * own, "box filtering loses them: {plain} of {own}");
     }
 
-    /// Pictures that find a page the better, the less a mip level of it shows, and refine pages of which it shows less than `refined`.
+    /// Pictures whose error is the area that a mip level shows. They refine pages that show less than `refined`.
     struct Losing {
         part: PagePart,
         mip: usize,
