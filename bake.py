@@ -6,7 +6,7 @@
 Both do the same. Exit status 0: every file in the report was written completely. On a failure (1) or a wrong command
 line (2), standard error has one line with the reason, and DIR is unchanged. An interrupt (130) or a termination (143)
 also leaves DIR unchanged. Signals have no effect from the moment the files are moved into DIR together. The baked scene
-keeps only the camera and the lights of the open scene beside the levels. The source file is not changed.
+has the levels, and of the open scene cameras, lights and empties alone. The source file is not changed.
 """
 
 from __future__ import annotations

@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mathutils import Matrix, Quaternion, Vector
+from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..errors import ExportError
 from .glb_file import Glb
+from .glb_nodes import node_matrix
 
 INSTANCING = "EXT_mesh_gpu_instancing"
 
@@ -39,7 +40,7 @@ def write_forest(tree_file: Path, forest_file: Path, places: NDArray[np.float64]
     try:
         glb = Glb.read(tree_file)
         node = next(each for each in glb.document["nodes"] if "level" in _numbers(each))
-    except (OSError, ValueError, KeyError, IndexError, StopIteration) as error:
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, StopIteration) as error:
         raise ExportError(f"{tree_file} is no file of a baked tree: export the tree for the engine again") from error
     add_instances(glb, node, places)
     glb.write(forest_file)
@@ -52,7 +53,7 @@ def _numbers(node: dict[str, Any]) -> dict[str, Any]:
 
 def add_instances(glb: Glb, node: dict[str, Any], places: NDArray[np.float64]) -> None:
     """Add the places, see `write_forest`, to a node of the file."""
-    own = _matrix(node)
+    own = node_matrix(node)
     _check_scale(f"{node['name']} is", own, "apply the scale of the tree before the bake")
     for place in places:
         _check_scale("a place of the forest is", place, "apply the scale of its object")
@@ -70,19 +71,6 @@ def add_instances(glb: Glb, node: dict[str, Any], places: NDArray[np.float64]) -
         del glb.document["bufferViews"][glb.document["accessors"][accessor]["bufferView"]]["target"]
     node.setdefault("extensions", {})[INSTANCING] = {"attributes": accessors}
     glb.use_extension(INSTANCING)
-
-
-def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
-    """Return the transform (4, 4) of a node of the scene."""
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    place = Matrix.LocRotScale(
-        Vector(node.get("translation", (0.0, 0.0, 0.0))),
-        Quaternion((w, x, y, z)),
-        Vector(node.get("scale", (1.0, 1.0, 1.0))),
-    )
-    return np.array(place, np.float64)
 
 
 def _check_scale(owner: str, transform: NDArray[np.float64], remedy: str) -> None:

@@ -29,8 +29,10 @@ class Glb:
 
     @staticmethod
     def read(path: Path) -> Glb:
-        """Read the file at `path`."""
+        """Read the file at `path`. Raises `ValueError` for a file that is no GLB file."""
         content = path.read_bytes()
+        if content[:4] != b"glTF" or len(content) < 20:
+            raise ValueError(f"{path.name} is no GLB file")
         size = struct.unpack_from("<I", content, 12)[0]
         document = json.loads(content[20 : 20 + size])
         begin = 28 + size

@@ -15,6 +15,9 @@ from typing import Any
 from ..plan.pages import KTX2_EXTENSION
 from .glb_file import Glb, accessor_uses
 
+Texture = tuple[int, bool]
+"""An image of the file by its index, and whether its KTX2 texture is used: engines hold both if a file uses both."""
+
 MIPS = 4.0 / 3.0
 """Texels of all mip levels relative to the largest."""
 _PNG, _JPEG = b"\x89PNG", b"\xff\xd8"
@@ -24,12 +27,10 @@ _SIZED = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 
 @dataclass
 class GpuLoad:
-    """Figures of each node of the files read so far: bytes of its geometry, bytes of its textures by their index in the
-    file, and triangles.
-    """
+    """Figures of each node of the files read so far: bytes of its geometry, bytes of its textures, and triangles."""
 
     geometry: dict[str, int] = field(default_factory=dict)
-    textures: dict[str, dict[int, int]] = field(default_factory=dict)
+    textures: dict[str, dict[Texture, int]] = field(default_factory=dict)
     triangles: dict[str, int] = field(default_factory=dict)
 
     def read(self, glb: Glb) -> None:
@@ -65,17 +66,17 @@ def _textures(value: Any) -> Iterator[int]:
             yield from _textures(each)
 
 
-def _of_texture(glb: Glb, index: int) -> tuple[int, int]:
-    """Return the index of the texture's image and its bytes; 0 bytes for an image of unknown format."""
+def _of_texture(glb: Glb, index: int) -> tuple[Texture, int]:
+    """Return a texture of the document and its bytes; 0 bytes for an image of unknown format."""
     texture = glb.document["textures"][index]
     compressed = KTX2_EXTENSION in texture.get("extensions", {})
     source = texture.get("source")
     if source is None or "bufferView" not in glb.document["images"][source]:
-        return index, 0
+        return (index, compressed), 0
     view = glb.document["bufferViews"][glb.document["images"][source]["bufferView"]]
     start = view.get("byteOffset", 0)
     width, height = image_size(bytes(glb.binary[start : start + view["byteLength"]]))
-    return source, round(width * height * (1 if compressed else 4) * MIPS)
+    return (source, compressed), round(width * height * (1 if compressed else 4) * MIPS)
 
 
 def image_size(data: bytes) -> tuple[int, int]:

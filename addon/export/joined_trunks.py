@@ -13,11 +13,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from mathutils import Matrix, Quaternion, Vector
 from numpy.typing import NDArray
 
 from ..mesh.baked_levels import EXTRAS
 from .glb_file import ARRAY_BUFFER, FLOAT, Glb
+from .glb_nodes import node_matrix
 
 FIRST_TRUNK = "first_trunk_primitive"
 
@@ -58,7 +58,7 @@ class _Join:
 
     def add(self, trunk: dict[str, Any], level: dict[str, Any]) -> None:
         """Append the primitives of a trunk's node to those of its level."""
-        mesh, matrix = self._glb.document["meshes"][level["mesh"]], _matrix(trunk)
+        mesh, matrix = self._glb.document["meshes"][level["mesh"]], node_matrix(trunk)
         morphs = len(mesh["primitives"][0].get("targets", []))
         mesh.setdefault("extras", {}).setdefault(EXTRAS, {}).setdefault(FIRST_TRUNK, len(mesh["primitives"]))
         for primitive in self._primitives(trunk):
@@ -104,15 +104,6 @@ class _Join:
             "max": places.max(axis=0).tolist(),
         }
         return number
-
-
-def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    place = Vector(node.get("translation", (0.0, 0.0, 0.0)))
-    scale = Vector(node.get("scale", (1.0, 1.0, 1.0)))
-    return np.array(Matrix.LocRotScale(place, Quaternion((w, x, y, z)), scale), np.float64)
 
 
 def _changed(primitive: dict[str, Any], matrix: NDArray[np.float64]) -> Iterator[tuple[dict[str, Any], str]]:

@@ -34,7 +34,7 @@ def _default(name: str) -> Any:
 
 SMALLEST_TEXTURE = int(_range("texture_size").low)
 LARGEST_TEXTURE: int = _default("texture_size")
-"""Greatest width of level 1's atlas if no width is set."""
+"""Greatest width of an atlas page if no width is set."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class LevelSettings:
         Setting(
             "How little a level differs from the leaves where it takes over, from 0 (fast) to 1 (exact). At 0.5 nobody "
             "notices the change. Larger takes over farther away or with more triangles. Chooses error bound, texture "
-            "size and LOD distances",
+            "size and switch distances",
             "FRACTION",
             Limits(0.0, 1.0),
         ),
@@ -75,7 +75,7 @@ class LevelSettings:
     levels: Annotated[
         int,
         Setting(
-            "Number of billboard clouds, without the leaves and the cross impostor. Each cloud has "
+            "Number of billboard clouds. Simplified leaves and the impostor are extra. Each cloud has "
             f"{leafcloud.EPSILON_STEP:g} times the error bound of the one before",
             "COUNT",
             # The chain pruning alone has the core's 0 clouds.
@@ -244,15 +244,22 @@ class LevelSettings:
     texture_size: Annotated[
         int | None,
         Setting(
-            "Width of level 1's atlas in texels. Each further cloud has half the width of the one before",
+            "Width of the atlas page of the first cloud, in texels. Each further cloud has at most half the width "
+            "of the one before",
             "TEXELS",
             _range("texture_size"),
-            unset=f"one texel per pixel where a level takes over, at most {LARGEST_TEXTURE} for level 1",
+            unset="texels of 0.7 pixels where a level takes over, not finer than half a texel of the leaves; "
+            f"at most {LARGEST_TEXTURE}",
         ),
     ] = None
     texture_height: Annotated[
         int | None,
-        Setting("Height of level 1's atlas in texels", "TEXELS", _range("texture_height"), unset="same as the width"),
+        Setting(
+            "Height of the atlas page of the first cloud, in texels",
+            "TEXELS",
+            _range("texture_height"),
+            unset="same as the width",
+        ),
     ] = None
     samples: Annotated[
         int,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scenes import add_mesh, import_part
 
 from addon.errors import ExportError
-from addon.export.forest_file import add_instances
+from addon.export.forest_file import add_instances, write_forest
 from addon.export.gltf import y_up
 from leafcloud._glb import GlbFile
 
@@ -104,6 +104,15 @@ def test_a_forest_needs_the_files_of_its_trees(registered: None, folder: Path, t
     with pytest.raises(RuntimeError, match=r"shrub\.glb is no file of a baked tree: export the tree"):
         bpy.ops.leafcloud.export_forest(directory=str(tmp_path))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("content", [b"", b"glTF", b"glTF" + bytes(12) + b"\x02\0\0\0JSON[]"])
+def test_a_damaged_tree_is_refused(tmp_path: Path, content: bytes) -> None:
+    tree = tmp_path / "tree.glb"
+    tree.write_bytes(content)
+    with pytest.raises(ExportError, match=r"tree\.glb is no file of a baked tree"):
+        write_forest(tree, tmp_path / "forest.glb", np.eye(4)[None])
+    assert not (tmp_path / "forest.glb").exists()
 
 
 def test_a_tree_with_several_scales_has_no_places() -> None:

@@ -112,6 +112,28 @@ def test_cost(level: leafcloud.OctahedralLevel) -> None:
     assert one["triangles"] == 2
 
 
+@pytest.mark.parametrize(
+    ("view", "message"),
+    [
+        ({"direction": (0, 0, 0)}, "direction"),
+        ({"radius": -1.0}, "the radius -1.0"),
+        ({"radius": float("nan")}, "the radius NaN"),
+        ({"centre": (0, float("inf"), 0)}, "the view's centre is"),
+        ({"up": (0, 0, float("nan"))}, "the view's up is"),
+    ],
+)
+def test_a_picture_of_no_view_is_refused(level: leafcloud.OctahedralLevel, view: dict[str, Any], message: str) -> None:
+    with pytest.raises(leafcloud.LeafcloudError, match=message):
+        level.render(**{"direction": (1, 0, 0), "size": 8, "centre": (0, 0, 0), "radius": 1.0, **view})
+
+
+def test_a_cost_needs_a_size_and_a_direction(level: leafcloud.OctahedralLevel) -> None:
+    with pytest.raises(leafcloud.LeafcloudError, match="covers NaN pixels"):
+        level.drawing_cost(float("nan"))
+    with pytest.raises(leafcloud.LeafcloudError, match="up is"):
+        level.drawing_cost(10.0, up=(0, 0, 0))
+
+
 def test_a_picture_of_too_many_samples_is_refused(level: leafcloud.OctahedralLevel) -> None:
     with pytest.raises(leafcloud.LeafcloudError, match=r"8192 samples there.*lower `size` or `samples`"):
         level.render((1, 0, 0), 2048, centre=(0, 0, 0), radius=1.0, samples=4)

@@ -365,6 +365,9 @@ def test_wrong_attributes_and_materials() -> None:
         (lambda f: leafcloud.fit(f, progress=3), "progress is 3; it must be a function"),
         (lambda f: leafcloud.build_chain(f, trunk="oak"), "trunk is 'oak'; it must be a Foliage"),
         (lambda f: leafcloud.build_chain(f, levels=0, cross=False), "`levels` is 0 without a cross"),
+        (lambda f: leafcloud.build_chain(f, up=(0, 0, 0)), r"^up is \[0.0, 0.0, 0.0\]; it needs a finite length"),
+        (lambda f: leafcloud.build_chain(f, target_error=1.0), "target_error is 1.0"),
+        (lambda f: leafcloud.build_chain(f, target_error=float("nan")), "target_error is NaN"),
         (lambda f: leafcloud.render([f], (0, 1, 0), -1, centre=(0, 0, 0), radius=1), "size is -1"),
         (lambda f: leafcloud.render([f], (0, 1, 0), 8, centre=(0, 0, 0), radius="wide"), "radius is 'wide'"),
         (
@@ -434,11 +437,23 @@ def test_png_round_trip(tmp_path: Any) -> None:
         leafcloud.write_png(str(tmp_path / "nowhere" / "picture.png"), pixels)
 
 
+@pytest.mark.parametrize("side", [96, 180, 201])
+def test_all_channels_for_engines_have_one_size(foliage: Foliage, side: int) -> None:
+    [level] = leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=side, normals=True).clouds
+    for halvings in range(6):
+        base_color, _ = level.for_engines(halvings)
+        assert level.halved("normal", halvings).shape == base_color.shape, halvings
+        assert base_color.shape[0] * 2 ** min(halvings, 3) >= side
+
+
 def test_laws() -> None:
     assert leafcloud.keep(20.0, 10.0) == pytest.approx(0.5)
     assert leafcloud.keep(40.0, 10.0, 0.25) == pytest.approx(0.5)
     assert leafcloud.leaf_scale(0.39, 0.4) == pytest.approx(0.5)
     assert leafcloud.area_scale([0.0, 0.25, 0.5, 0.75], [1, 1, 1, 1], 1.0) == 1.0
+    # A leaf of rank -1 stays, and the others grow as without it.
+    assert leafcloud.leaf_scale(-1.0, 0.5) == 1.0
+    assert leafcloud.area_scale([-1.0, 0.25, 0.75], [7, 1, 1], 0.5) == leafcloud.area_scale([0.25, 0.75], [1, 1], 0.5)
     assert leafcloud.transition(3.0, 2.0, 4.0) == 0.5
     assert leafcloud.switch_distance(1.0, 8.0, 1000.0, np.pi / 2) == pytest.approx(62.5)
     for wrong in (lambda: leafcloud.keep(1, 0), lambda: leafcloud.keep(1, 1, 0.6), lambda: leafcloud.leaf_scale(0, 2)):

@@ -53,12 +53,25 @@ impl Place<'_> {
     }
 }
 
+/// Checks that the last level can have a form.
+///
+/// # Errors
+/// [`Last::Octahedral`] with settings without a cross impostor, which plain files show.
+pub fn check_last(last: Last, settings: &ChainSettings) -> Result<()> {
+    if last == Last::Octahedral && !settings.cross {
+        return Err(Error::invalid(
+            "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",
+        ));
+    }
+    Ok(())
+}
+
 /// Returns the octahedral impostor to draw instead of the chain's cross impostor; `None` if the cross impostor is drawn, or if it is left out.
 ///
 /// `target`: the image error that it may have where it takes over; without it, [`Last::Auto`] keeps the cross impostor.
 ///
 /// # Errors
-/// [`Last::Octahedral`] with settings without a cross impostor, which plain files show; [`Error::Cancelled`].
+/// Those of [`check_last`]; [`Error::Cancelled`].
 pub fn octahedral(
     last: Last,
     target: Option<f64>,
@@ -66,6 +79,7 @@ pub fn octahedral(
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<Option<Octahedral>> {
+    check_last(last, settings)?;
     let cross = place.chain.levels.last().filter(|level| level.is_cross());
     let build = || {
         let simpler = place.simpler(settings.up);
@@ -75,9 +89,6 @@ pub fn octahedral(
         Octahedral::build(place.parts, simpler, Size::default(), references, settings, progress)
     };
     match (last, cross, target) {
-        (Last::Octahedral, None, _) if !settings.cross => Err(Error::invalid(
-            "`last=octahedral` needs the cross impostor, which files have for readers without the shader; leave out `cross=False`",
-        )),
         (Last::Octahedral, Some(_), _) => build().map(Some),
         (Last::Auto, Some(cross), Some(target)) => {
             let (up, size) = (settings.up, Size::default());
@@ -119,6 +130,6 @@ impl Range<'_> {
         let frame = self.place.parts[0].frame();
         let scale = 0.5 * (self.smallest * largest).sqrt() / frame.radius;
         let before = drawing_cost(&[self.place.before], scale, self.up, Progress::silent())?.total();
-        Ok(1.0 - layout.cost(frame, scale, self.up).total() / before)
+        Ok(1.0 - layout.cost(frame, scale, self.up)?.total() / before)
     }
 }

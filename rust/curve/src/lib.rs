@@ -24,7 +24,7 @@ mod within;
 
 pub use choice::Choice;
 pub use front::front;
-pub use last::{Last, Place, octahedral};
+pub use last::{Last, Place, check_last, octahedral};
 pub use leaves::{Form, LeafLevel, leaf_level};
 pub use model::{Model, Prediction};
 pub use sweep::{Curve, Point, Refused, Rest, Stages, Sweep, measure, sweep};

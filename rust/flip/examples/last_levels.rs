@@ -32,7 +32,7 @@ fn main() {
             .expect("an impostor");
         let bytes = found.color.pixels().len() * 8;
         let scale = 0.5 * CROWN / found.frame.radius;
-        let cost = found.layout.cost(&found.frame, scale, settings.up).total();
+        let cost = found.layout.cost(&found.frame, scale, settings.up).expect("a cost").total();
         println!("| {name} | octahedral | {}", row(&found.pictures, bytes, cost));
     }
 }

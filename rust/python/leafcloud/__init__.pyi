@@ -315,13 +315,14 @@ class Level:
     def for_engines(self, halvings: int = 0) -> tuple[NDArray[np.uint8], float]:
         """Return base color and alpha cutoff for engines, which make box-filtered mips of a PNG.
 
-        The sides of the page are halved ``halvings`` times, at most three: an engine draws the level only where texels
-        are smaller than pixels. Alpha is another than that of ``base_color``: on the polygons about the same area is
+        The sides of the page are halved ``halvings`` times, at most three times and as often as both are even: an
+        engine draws the level only where texels are smaller than pixels. The page of an alpha-blended level is the
+        whole ``base_color``. Else alpha is another than that of ``base_color``: on the polygons about the same area is
         above the cutoff at mips 0 to 2 and, on most pages, at mip 3. Pictures on mips 0 to 2 correct that area toward
         the coverage of the leaves, and the colors toward their mean color. Then pictures refine the
         texels, except in a quick bake. Computed on the first call, in seconds."""
     def halved(self, channel: str, halvings: int) -> NDArray[np.uint8]:
-        """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …) with its sides halved ``halvings`` times.
+        """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …), as large as that of ``for_engines(halvings)``.
 
         Normals keep the length 1, colors are averaged as light. Base color is that of ``for_engines``.
 
@@ -336,9 +337,10 @@ class Level:
         """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
 
         The format is Basis Universal UASTC with Zstandard, as ``KHR_texture_basisu`` requires. The page is whole; its
-        base color is for the alpha cutoff of ``for_engines(halvings)``. Every compressed mip keeps the fraction of each
-        billboard's texels above the cutoff that the page has, within 1 % or one texel, down to 8 × 8 texels of the page
-        and 4 × 4 of the billboard. The bytes are the same for the same page on one machine only.
+        base color is for the alpha cutoff of ``for_engines(halvings)``. In a quick bake every compressed mip keeps the
+        fraction of each billboard's texels above the cutoff that the page has, within 1 % or one texel, down to 8 × 8
+        texels of the page and 4 × 4 of the billboard. Otherwise mips are refined by pictures, and each covers about as
+        much as the leaves, alone and mixed with the next. The bytes are the same for the same page on one machine only.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``), and
         for a page with a side that is not a multiple of 4.

@@ -6,8 +6,8 @@ use leafcloud::geometry::Frame;
 use leafcloud::lod::{self, Chain, ChainSettings, Octahedral, Origin};
 use leafcloud::metrics::Comparison;
 use leafcloud::{Foliage, Progress};
-use leafcloud_curve::quality::{LATER, Scale, is_quick, settings_for, with_fewer_views};
-use leafcloud_curve::{Last, LeafLevel, Offer, Place, Wish, build_within, leaf_level, octahedral};
+use leafcloud_curve::quality::{LATER, Scale, TARGET, is_quick, settings_for, with_fewer_views};
+use leafcloud_curve::{Last, LeafLevel, Offer, Place, Wish, build_within, check_last, leaf_level, octahedral};
 
 use crate::leaf_level::PyLeafLevel;
 use crate::levels::PyChain;
@@ -68,6 +68,8 @@ impl Goal {
         match *self {
             Self::Given => Ok(built(lod::build_chain(foliage, trunk, settings, progress)?, None, None)),
             Self::Quality(Quality { target, free, form }) => {
+                TARGET.check("target_error", target)?;
+                settings.check()?;
                 let simplifying = progress.part(0.0, SHARE_OF_LEAVES);
                 let quick = is_quick(target);
                 let settings = &if quick { with_fewer_views(settings) } else { settings.clone() };
@@ -111,6 +113,7 @@ impl Wanted {
     /// Builds the chain, then the octahedral impostor.
     pub fn build(&self, foliage: &Foliage, trunk: Option<&Foliage>, progress: Progress) -> leafcloud::Result<Built> {
         let Self { settings, goal, last } = self;
+        check_last(*last, settings)?;
         if *last == Last::Cross {
             return goal.build(foliage, trunk, settings, progress);
         }

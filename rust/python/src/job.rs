@@ -316,11 +316,21 @@ impl PyJob {
     }
 }
 
+impl PyJob {
+    /// Returns a value that the work reports; the default in a forked child whose lock is held, see [`Self::ended`].
+    fn reported<T: Clone + Default>(&self, value: &Mutex<T>) -> T {
+        if self.process == std::process::id() {
+            return lock(value).clone();
+        }
+        value.try_lock().map(|value| value.clone()).unwrap_or_default()
+    }
+}
+
 #[pymethods]
 impl PyJob {
     #[getter]
     fn stage(&self) -> String {
-        lock(&self.shared.stage).clone()
+        self.reported(&self.shared.stage)
     }
 
     #[getter]
@@ -337,7 +347,7 @@ impl PyJob {
     fn best(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
         match self.ended() {
             Some(Ok(output)) => output.into_python(py).map(Some),
-            _ => lock(&self.shared.best).clone().map(|output| output.into_python(py)).transpose(),
+            _ => self.reported(&self.shared.best).map(|output| output.into_python(py)).transpose(),
         }
     }
 

@@ -334,8 +334,7 @@ impl PyLevel {
         }
         let (level, name) = (self.clone(), channel.to_owned());
         let image = interruptible(py, move |_| {
-            let mut levels = level.level().page.levels(&name).ok_or_else(|| ktx2::no_mips(level.level(), &name))?;
-            Ok(levels.swap_remove(halvings.min(levels.len() - 1)))
+            level.level().halved(&name, halvings).ok_or_else(|| ktx2::no_mips(level.level(), &name))
         })?;
         image_array(py, &image)
     }

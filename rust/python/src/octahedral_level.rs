@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::image_array;
-use crate::errors::read;
+use crate::errors::{Failure, read};
 use crate::image_errors::{Pair, PyImageErrors, from_the_side, measured, reported};
 use crate::levels::PyLevel;
 use crate::tools::{cost_dict, sun_direction, upright, view};
@@ -175,6 +175,7 @@ impl PyOctahedralLevel {
     ) -> PyResult<Bound<'py, PyDict>> {
         let Octahedral { layout, frame, .. } = self.impostor.as_ref();
         let scale = read(scale, "scale", "a number of pixels above 0")?;
-        cost_dict(py, &layout.cost(frame, scale, upright(up)?))
+        let cost = layout.cost(frame, scale, upright(up)?).map_err(Failure::from)?;
+        cost_dict(py, &cost)
     }
 }

@@ -199,11 +199,14 @@ pub fn switch_distance(deviation: f64, pixels: f64, resolution: f64, field_of_vi
     )))
 }
 
+/// Rank of leaves that are never pruned.
+const PROTECTED: f64 = -1.0;
+
 fn check_rank(rank: f64) -> PyResult<()> {
-    if (0.0..1.0).contains(&rank) {
+    if (0.0..1.0).contains(&rank) || rank == PROTECTED {
         return Ok(());
     }
-    Err(refuse(format!("a rank is {rank:?}; ranks must lie in [0, 1)")))
+    Err(refuse(format!("a rank is {rank:?}; ranks must lie in [0, 1), or be -1 for leaves that stay")))
 }
 
 fn share(keep: f64) -> PyResult<f64> {

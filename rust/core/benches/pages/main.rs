@@ -106,7 +106,7 @@ fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
     let plain = areas(mips::means(&page.base_color), CUTOFF);
     let cascaded = areas(mips::means(&engine), cutoffs[0]);
     let kept = areas(
-        mips::of_parts(&recut(&page.base_color, &parts, &cutoffs), &at, |_, mip, _| Ok(mip)).expect("nothing is drawn"),
+        mips::of_parts(&recut(&page.base_color, &parts, &cutoffs), &at, |_, mips| Ok(mips)).expect("nothing is drawn"),
         cutoffs[0],
     );
     (0..plain.len()).map(|i| [plain[i], cascaded[i], kept[i]]).collect()

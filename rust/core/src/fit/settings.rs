@@ -216,7 +216,7 @@ impl FitSettings {
             self.preference.views.iter().chain(&self.preference.up).find(|v| v.try_normalize().is_none())
         {
             return Err(Error::invalid(format!(
-                "the direction {:?} has no finite length above 0; give another direction",
+                "a direction of `views` or `up`, {:?}, has no finite length above 0; give another direction",
                 view.to_array()
             )));
         }

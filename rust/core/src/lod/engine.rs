@@ -6,6 +6,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::billboards::billboards;
 use super::cross;
@@ -44,8 +45,10 @@ const STEPS: usize = 4;
 /// A tree on an atlas page.
 #[derive(Clone, Debug)]
 pub(super) struct Sharer {
-    pub part: PagePart,
     atlas: Atlas,
+    alpha_cutoff: f32,
+    /// The first mip level that is seen.
+    first_seen: usize,
     frame: Frame,
     material: Material,
     leaves: Arc<Reference>,
@@ -56,10 +59,10 @@ pub(super) struct Sharer {
 impl Sharer {
     /// Returns the tree of a level, on a page with this layout.
     pub fn of(level: &Level, atlas: &Atlas) -> Self {
-        let first_seen = if level.is_cross() { cross::FIRST_SEEN } else { 0 };
         Self {
-            part: PagePart::of(atlas, level.alpha_cutoff, first_seen),
             atlas: atlas.clone(),
+            alpha_cutoff: level.alpha_cutoff,
+            first_seen: if level.is_cross() { cross::FIRST_SEEN } else { 0 },
             frame: level.frame,
             material: Material { image: None, ..level.page.material(level.alpha_cutoff, !level.two_sided) },
             leaves: Arc::clone(&level.amounts),
@@ -68,19 +71,41 @@ impl Sharer {
         }
     }
 
+    /// Returns its part of the page. Made when it is wanted: it has a number for each texel of the whole page.
+    fn part(&self) -> PagePart {
+        PagePart::of(&self.atlas, self.alpha_cutoff, self.first_seen)
+    }
+
+    /// Returns the number of texels of its regions.
+    pub fn texels(&self) -> usize {
+        self.atlas.texels()
+    }
+
     /// Returns the refinement of an image and so many mip levels, if there are pictures.
     fn on_mips(&self, cutoff: f32, mips: usize) -> Option<OnMips<'_>> {
         let Self { atlas, frame, material, refine_by, steps, .. } = self;
         refine_by.as_ref().map(|pictures| OnMips { atlas, frame, material, cutoff, pictures, steps: *steps, mips })
     }
 
-    /// Returns a mip level of a file with the coverage and the mean color of the leaves, refined if pictures show it; unchanged without pictures.
-    /// `coarser`: the next level; trilinear filters mix both.
-    fn settled(&self, image: Image, coarser: Option<&Image>, cutoff: f32) -> Result<Image> {
-        let Some(alone) = self.on_mips(cutoff, 1) else { return Ok(image) };
-        let image = alone.refined(&image)?.unwrap_or(image);
+    /// Returns mip levels of a file with the coverage and the mean color of the leaves, refined where pictures show them; unchanged without
+    /// pictures.
+    fn settled(&self, mips: mips::Levels, cutoff: f32) -> Result<mips::Levels> {
+        let Some(alone) = self.on_mips(cutoff, 1) else { return Ok(mips) };
+        // All at once: pictures of a coarse mip level are too few and too small for many cores.
+        let refined = |mip: Image| Ok(alone.refined(&mip)?.unwrap_or(mip));
+        let refined = mips.into_par_iter().map(refined).collect::<Result<mips::Levels>>()?;
+        let mut settled = mips::Levels::new();
+        for mip in refined.into_iter().rev() {
+            settled.push(self.covering(&mip, settled.last(), cutoff)?);
+        }
+        settled.reverse();
+        Ok(settled)
+    }
+
+    /// Returns a mip level with the coverage and the mean color of the leaves. `coarser`: the next level; trilinear filters mix both.
+    fn covering(&self, mip: &Image, coarser: Option<&Image>, cutoff: f32) -> Result<Image> {
         let coarser = coarser.map(LightGrid::of);
-        let recut = |pivot: f64| bent(&image, pivot as f32, cutoff);
+        let recut = |pivot: f64| bent(mip, pivot as f32, cutoff);
         let excess = |pivot: f64| {
             let image = recut(pivot);
             let between = coarser.as_ref().map(|coarser| LightGrid::of(&image).halfway(coarser));
@@ -129,8 +154,8 @@ impl Pictured for [Sharer] {
 }
 
 impl Level {
-    /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, three at most;
-    /// computed on the first call. Do not call it on a rayon worker: a thread that waits for the result does no other work.
+    /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, three at most and as often as
+    /// both are even; whole for alpha-blended levels. Computed on the first call. Do not call it on a rayon worker: a thread that waits for the result does no other work.
     #[must_use]
     pub fn for_engines(&self, halvings: usize) -> (&Image, f32) {
         if self.alpha_cutoff == 0.0 {
@@ -140,11 +165,19 @@ impl Level {
         (&page.image, page.cutoffs[self.part])
     }
 
+    /// Returns a channel other than base color with its sides halved as often as [`Self::for_engines`] halves those of base color. `None` for a
+    /// missing channel and for label textures.
+    #[must_use]
+    pub fn halved(&self, channel: &str, halvings: usize) -> Option<Image> {
+        let most = if self.alpha_cutoff == 0.0 { 0 } else { EnginePage::most_halvings(&self.page.base_color) };
+        self.page.levels(channel)?.into_iter().nth(halvings.min(MOST_HALVINGS).min(most))
+    }
+
     fn engine_page(&self, halvings: usize) -> &EnginePage {
         let halvings = halvings.min(MOST_HALVINGS);
         let make = || {
             let sharers = self.sharers();
-            let parts: Vec<PagePart> = sharers.iter().map(|sharer| sharer.part.clone()).collect();
+            let parts: Vec<PagePart> = sharers.iter().map(Sharer::part).collect();
             EnginePage::new(&self.page.base_color, &parts, halvings, &*sharers).expect("the level was drawn before")
         };
         self.engine.pages[halvings].get_or_init(make)
@@ -168,11 +201,10 @@ impl Level {
     /// Returns the mip levels of base color with these cutoffs, one for each tree on the page.
     fn color_mips(&self, cutoffs: &[f32]) -> Vec<Mip> {
         let sharers = self.sharers();
-        let parts: Vec<PagePart> = sharers.iter().map(|sharer| sharer.part.clone()).collect();
-        let with_cutoff = |(part, &alpha_cutoff): (&PagePart, &f32)| PagePart { alpha_cutoff, ..part.clone() };
+        let mut parts: Vec<PagePart> = sharers.iter().map(Sharer::part).collect();
         let image = recut(&self.page.base_color, &parts, cutoffs);
-        let parts: Vec<PagePart> = parts.iter().zip(cutoffs).map(with_cutoff).collect();
-        let settled = |part: usize, image, coarser: Option<&_>| sharers[part].settled(image, coarser, cutoffs[part]);
+        parts.iter_mut().zip(cutoffs).for_each(|(part, cutoff)| part.alpha_cutoff = *cutoff);
+        let settled = |part: usize, mips| sharers[part].settled(mips, cutoffs[part]);
         let levels = mips::of_parts(&image, &parts, settled).expect("the level was drawn before").into_iter();
         let mip = |(number, image)| Mip { cut_outs: cut_outs(&parts, number, &image), image };
         levels.enumerate().map(mip).collect()

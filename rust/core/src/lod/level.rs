@@ -326,9 +326,8 @@ impl Level {
     /// Returns the level's share of the used area of its atlas page; 1 for a page of one tree.
     #[must_use]
     pub fn page_share(&self) -> f64 {
-        let area = |regions: &[Region]| regions.iter().map(|region| region.width * region.height).sum::<usize>() as f64;
-        let all: f64 = self.sharers.iter().map(|sharer| area(&sharer.part.regions)).sum();
-        if all > 0.0 { self.atlas.texels() as f64 / all } else { 1.0 }
+        let all: usize = self.sharers.iter().map(Sharer::texels).sum();
+        if all > 0 { self.atlas.texels() as f64 / all as f64 } else { 1.0 }
     }
 
     /// Returns the area centroid of the polygons on each plane, in the tree's own coordinates: the pivot about which a billboard moves as a

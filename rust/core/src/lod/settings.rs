@@ -182,6 +182,9 @@ impl ChainSettings {
     /// # Errors
     /// The first setting outside its range.
     pub fn check(&self) -> Result<()> {
+        if !self.up.is_finite() || self.up.try_normalize().is_none() {
+            return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
+        }
         self.fit.check()?;
         self.channels.check()?;
         self.views.check()?;
@@ -193,9 +196,6 @@ impl ChainSettings {
             ));
         }
         self.pruning.as_ref().map_or(Ok(()), PruneSettings::check)?;
-        if !self.up.is_finite() || self.up.try_normalize().is_none() {
-            return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
-        }
         self.triangles.map_or(Ok(()), |count| limits::TRIANGLES.check("triangles", count as f64))?;
         limits::MIN_VISIBILITY.check("min_visibility", self.min_visibility)?;
         limits::MAX_CORNERS.check("max_corners", self.max_corners as f64)?;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::foliage::Image;
 use crate::textures::fill_gaps;
 
-/// Returns the levels with their billboards on one common atlas page. Do not call it on a rayon worker ([`Level::for_engines`]).
+/// Returns the levels with their billboards on one common atlas page.
 ///
 /// # Errors
 /// No levels; levels with different channels; alpha blended levels mixed with cut-out ones; more than fits on 16384 × 16384 texels.

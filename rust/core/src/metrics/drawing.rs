@@ -57,6 +57,13 @@ pub fn drawing_cost(parts: &[&Foliage], scale: f64, up: DVec3, progress: Progres
     let Some(first) = parts.first() else {
         return Err(Error::invalid("there are no parts to draw; give at least one foliage"));
     };
+    check_scale(scale, up)?;
+    let axes: Vec<[DVec3; 2]> = counted_views(up).around(first.frame()).map(|view| view.axes(view.direction)).collect();
+    counted(parts, scale, &axes, progress)
+}
+
+/// Checks that a length of 1 covers a number of pixels, and that `up` is a direction.
+pub(crate) fn check_scale(scale: f64, up: DVec3) -> Result<()> {
     if !(scale > 0.0 && scale.is_finite()) {
         return Err(Error::invalid(format!(
             "a length of 1 covers {scale:?} pixels; the number must be above 0 and finite"
@@ -65,8 +72,7 @@ pub fn drawing_cost(parts: &[&Foliage], scale: f64, up: DVec3, progress: Progres
     if !up.is_finite() || up.try_normalize().is_none() {
         return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", up.to_array())));
     }
-    let axes: Vec<[DVec3; 2]> = counted_views(up).around(first.frame()).map(|view| view.axes(view.direction)).collect();
-    counted(parts, scale, &axes, progress)
+    Ok(())
 }
 
 /// Returns the cost in views with these axes of the picture, to the right and up.

@@ -8,6 +8,7 @@ mod measure;
 mod render;
 mod visibility;
 
+pub(crate) use drawing::check_scale;
 pub use drawing::{DrawingCost, counted_views, drawing_cost};
 use light::Light;
 pub(crate) use light::brightness;

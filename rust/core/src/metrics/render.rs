@@ -36,6 +36,25 @@ impl View {
         let right = self.up.cross(eye).try_normalize().unwrap_or_else(|| eye.any_orthonormal_vector());
         [right, eye.cross(right)]
     }
+
+    /// Returns `direction` with the length 1.
+    ///
+    /// # Errors
+    /// The first part of the view that is outside its range.
+    pub(crate) fn checked(&self) -> Result<DVec3> {
+        let eye = unit(self.direction, "the view's direction")?;
+        let radius_counts = self.radius > 0.0 && self.radius.is_finite();
+        if !radius_counts || !(1..=16_384).contains(&self.size) {
+            return Err(Error::invalid(format!(
+                "an image with the radius {:?} and {} pixels per side; the radius must be above 0, the pixels between 1 and 16384",
+                self.radius, self.size
+            )));
+        }
+        match [("centre", self.centre), ("up", self.up)].into_iter().find(|(_, v)| !v.is_finite()) {
+            Some((name, v)) => Err(Error::invalid(format!("the view's {name} is {:?}; it must be finite", v.to_array()))),
+            None => Ok(eye),
+        }
+    }
 }
 
 /// Renders all parts into one image; uncovered pixels are transparent.
@@ -185,14 +204,7 @@ fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangl
 
 /// Checks a view of parts, and returns its direction with length 1.
 fn checked(parts: &[&Foliage], view: &View) -> Result<DVec3> {
-    let eye = unit(view.direction, "the view's direction")?;
-    let radius_counts = view.radius > 0.0 && view.radius.is_finite();
-    if !radius_counts || !(1..=16_384).contains(&view.size) {
-        return Err(Error::invalid(format!(
-            "an image with the radius {:?} and {} pixels per side; the radius must be above 0, the pixels between 1 and 16384",
-            view.radius, view.size
-        )));
-    }
+    let eye = view.checked()?;
     check_place(parts, view)?;
     Ok(eye)
 }
@@ -233,9 +245,6 @@ const REACH: f64 = 1e6;
 fn check_place(parts: &[&Foliage], view: &View) -> Result<()> {
     if parts.is_empty() {
         return Err(Error::invalid("there are no parts to render; give at least one foliage"));
-    }
-    if let Some((name, v)) = [("centre", view.centre), ("up", view.up)].into_iter().find(|(_, v)| !v.is_finite()) {
-        return Err(Error::invalid(format!("the view's {name} is {:?}; it must be finite", v.to_array())));
     }
     let reach = |part: &&Foliage| (part.frame().centre.distance(view.centre) + part.frame().radius) / view.radius;
     match parts.iter().map(reach).find(|reach| reach.is_nan() || *reach > REACH) {

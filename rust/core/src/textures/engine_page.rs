@@ -84,13 +84,18 @@ pub trait Pictured {
 }
 
 impl EnginePage {
+    /// Returns how often both sides of an image can be halved.
+    #[must_use]
+    pub fn most_halvings(image: &Image) -> usize {
+        image.width().trailing_zeros().min(image.height().trailing_zeros()) as usize
+    }
+
     /// Returns the page with sides halved so many times, or as often as both can be halved.
     ///
     /// # Errors
     /// No billboard has an area.
     pub fn new(page: &Image, parts: &[PagePart], halvings: usize, pictured: &(impl Pictured + ?Sized)) -> Result<Self> {
-        let whole = page.width().trailing_zeros().min(page.height().trailing_zeros());
-        let halvings = halvings.min(whole as usize);
+        let halvings = halvings.min(Self::most_halvings(page));
         let of_part = |(number, (page, part)): (usize, (Image, &PagePart))| -> Result<(Image, f32)> {
             let polygons = part.polygons(page.width(), PLACES);
             let area = polygons.share(&page.alpha(), page.width(), code_at_least(part.alpha_cutoff));

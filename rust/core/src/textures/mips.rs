@@ -36,22 +36,17 @@ use crate::foliage::{Image, mask};
 pub type Levels = Vec<Image>;
 
 /// Returns the mip levels of base color on a page that several trees share: each part as if it had the page for itself. `settled` changes the
-/// mip levels of a part, given by its place, and gets the next coarser one, already changed. Changed levels may have other
-/// areas and rims.
+/// mip levels of a part, given by its place; changed levels may have other areas and rims.
 ///
 /// # Errors
 /// Those of `settled`.
 pub fn of_parts(
     image: &Image,
     parts: &[PagePart],
-    settled: impl Fn(usize, Image, Option<&Image>) -> Result<Image>,
+    settled: impl Fn(usize, Levels) -> Result<Levels>,
 ) -> Result<Levels> {
     let of_page = |(number, (page, part)): (usize, (Image, &PagePart))| {
-        let mut levels = Levels::new();
-        for level in of_part(&page, part, usize::MAX).into_iter().rev() {
-            levels.push(settled(number, level, levels.last())?);
-        }
-        Ok(levels.into_iter().rev())
+        Ok(settled(number, of_part(&page, part, usize::MAX))?.into_iter())
     };
     let pages = apart(image, parts).into_iter().zip(parts);
     let mut levels = pages.enumerate().map(of_page).collect::<Result<Vec<_>>>()?;

@@ -90,7 +90,7 @@ fn trees_on_one_page_keep_their_own_coverage() {
         drawn: vec![1.0; 128 * 64],
         first_seen: 0,
     };
-    let together = of_parts(&page, &[part(4, 0.3), part(68, 0.8)], |_, mip, _| Ok(mip)).unwrap();
+    let together = of_parts(&page, &[part(4, 0.3), part(68, 0.8)], |_, mips| Ok(mips)).unwrap();
     for (own, alpha_cutoff, right) in [(&dense, 0.3, 0), (&thin, 0.8, 64)] {
         let alone = of_color(own, &[region], alpha_cutoff);
         let cutoff = code_at_least(alpha_cutoff);

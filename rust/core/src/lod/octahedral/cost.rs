@@ -7,8 +7,9 @@ use glam::{DVec2, DVec3};
 
 use super::Layout;
 use super::mapping::axes;
+use crate::error::Result;
 use crate::geometry::Frame;
-use crate::metrics::{DrawingCost, counted_views};
+use crate::metrics::{DrawingCost, check_scale, counted_views};
 
 /// Fragments of a cloud that cost as much as one of an octahedral impostor.
 const READS: f64 = 3.0;
@@ -25,12 +26,15 @@ impl Layout {
 
     /// Returns the cost of drawing an impostor with this layout where a length of 1, in the caller's units, covers `scale` pixels. `frame`: of the
     /// leaves. `up`: as in the settings of the chain.
-    #[must_use]
-    pub fn cost(&self, frame: &Frame, scale: f64, up: DVec3) -> DrawingCost {
+    ///
+    /// # Errors
+    /// A `scale` that is not above 0 and finite; an `up` without a finite length above 0.
+    pub fn cost(&self, frame: &Frame, scale: f64, up: DVec3) -> Result<DrawingCost> {
+        check_scale(scale, up)?;
         let inverse = self.axes.transpose();
         let area = |direction: DVec3| 4.0 * self.quad(inverse * direction.normalize()).element_product();
         let areas: Vec<f64> = counted_views(up).around(frame).map(|view| area(view.direction)).collect();
         let mean = areas.iter().sum::<f64>() / areas.len() as f64;
-        DrawingCost { triangles: 2, area: mean, fragments: READS * mean * scale * scale, layers: READS }
+        Ok(DrawingCost { triangles: 2, area: mean, fragments: READS * mean * scale * scale, layers: READS })
     }
 }

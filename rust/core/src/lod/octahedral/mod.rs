@@ -48,11 +48,11 @@ impl Default for Size {
 impl Size {
     fn check(self) -> Result<()> {
         let Self { grid, texels } = self;
-        if (2..=32).contains(&grid) && (16..=512).contains(&texels) {
+        if (4..=32).contains(&grid) && (16..=512).contains(&texels) {
             return Ok(());
         }
         Err(Error::invalid(format!(
-            "an octahedral impostor of {grid} × {grid} views of {texels} texels; ask for 2 to 32 views and 16 to 512 texels"
+            "an octahedral impostor of {grid} × {grid} views of {texels} texels; ask for 4 to 32 views and 16 to 512 texels"
         )))
     }
 }
@@ -174,8 +174,9 @@ impl Octahedral {
     /// Draws the impostor as seen in `view`, blended, or cut out at a `cutoff` above 0; lit if there is a `sun`, in this direction of length 1.
     ///
     /// # Errors
-    /// A view of no pixels; more than [`MOST_SAMPLES`] samples along a side.
+    /// A part of the view outside its range; more than [`MOST_SAMPLES`] samples along a side.
     pub fn draw(&self, view: &View, cutoff: f32, sun: Option<DVec3>) -> Result<Image> {
+        view.checked()?;
         let samples = view.size.saturating_mul(view.samples.side());
         if samples > MOST_SAMPLES {
             return Err(Error::invalid(format!(

@@ -174,7 +174,7 @@ fn the_cost_of_a_tall_box_is_that_of_its_rectangles() {
     let close = |found: DVec2, x: f64, y: f64| assert!(found.distance(DVec2::new(x, y)) < 1e-9, "{found}");
     close(layout.quad(DVec3::X), 2f64.sqrt() * margin, 3.0);
     close(layout.quad(DVec3::Z), 2f64.sqrt() * margin, 2f64.sqrt() * margin);
-    let cost = layout.cost(foliage.frame(), 10.0, DVec3::Z);
+    let cost = layout.cost(foliage.frame(), 10.0, DVec3::Z).unwrap();
     assert_eq!((cost.triangles, cost.layers), (2, 3.0));
     assert!((cost.fragments - 300.0 * cost.area).abs() < 1e-9 * cost.fragments, "three for each pixel");
 }
