@@ -155,7 +155,8 @@ impl Pictured for [Sharer] {
 
 impl Level {
     /// Returns base color and cutoff for engines that make mip levels themselves, with sides halved so many times, three at most and as often as
-    /// both are even; whole for alpha-blended levels. Computed on the first call. Do not call it on a rayon worker: a thread that waits for the result does no other work.
+    /// both are even; whole for alpha-blended levels. Computed on the first call; a thread that waits for the result does no other work, so
+    /// a job of a rayon pool may call it only if no other job of the pool does.
     #[must_use]
     pub fn for_engines(&self, halvings: usize) -> (&Image, f32) {
         if self.alpha_cutoff == 0.0 {
@@ -184,7 +185,8 @@ impl Level {
     }
 
     /// Returns the mip levels of a channel; base color at the cutoff of [`Self::for_engines`], computed on the first call. `None` for a missing
-    /// channel and for label textures. Do not call it on a rayon worker.
+    /// channel and for label textures. As for [`Self::for_engines`], only
+    /// one job of a rayon pool may call it.
     #[must_use]
     pub fn mips(&self, channel: &str, halvings: usize) -> Option<Cow<'_, [Mip]>> {
         let whole = |image| Mip { image, cut_outs: Vec::new() };

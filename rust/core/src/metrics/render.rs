@@ -51,7 +51,9 @@ impl View {
             )));
         }
         match [("centre", self.centre), ("up", self.up)].into_iter().find(|(_, v)| !v.is_finite()) {
-            Some((name, v)) => Err(Error::invalid(format!("the view's {name} is {:?}; it must be finite", v.to_array()))),
+            Some((name, v)) => {
+                Err(Error::invalid(format!("the view's {name} is {:?}; it must be finite", v.to_array())))
+            }
             None => Ok(eye),
         }
     }
