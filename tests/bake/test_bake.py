@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -76,6 +77,16 @@ def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[s
     states = {effect["name"]: effect["on"] for effect in report["effects"]}
     assert (states["normals"], states["roughness_metallic"]) == (True, False), "the shrub's leaves are all alike"
     assert report["warnings"] == []
+
+
+def test_the_document_of_the_files_names_every_key_of_the_report(baked: tuple[Path, dict[str, Any]]) -> None:
+    _, report = baked
+    text = (Path(__file__).parents[2] / "docs" / "files.md").read_text()
+    named = set(re.findall(r"`(\w+)`", text[text.index("## The report") : text.index("## The whole chain")]))
+    effects = {key for effect in report["effects"] for key in effect}
+    levels = {key for level in report["levels"] for key in level}
+    seconds = report["levels"][1]["seconds"]
+    assert {*report, *report["input"], *effects, *levels, *seconds} <= named
 
 
 def test_levels_take_over_where_their_measured_error_is_within_the_target(baked: tuple[Path, dict[str, Any]]) -> None:
