@@ -38,6 +38,7 @@ from ..plan.facts import Facts
 from ..plan.lod_range import View
 from ..plan.pages import ktx2_warning
 from ..plan.quality import core_target, quality_warnings
+from ..plan.refinement import refine_warnings
 from ..plan.registry import effect_named
 from ..plan.schedule import keep_at_switch, schedule
 from ..plan.wind import BREEZE, stature
@@ -252,7 +253,8 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     collection, built = yield from build_levels(build)
     settled = tuple(effects[decision.name].settled(decision, chain) for decision in decisions)
     missed = quality_warnings(build.schedule.switch_sizes, chain.levels)
-    prepared = replace(prepared, warnings=(*prepared.warnings, *missed))
+    unrefined = refine_warnings(prepared.settings.refine, chain.levels)
+    prepared = replace(prepared, warnings=(*prepared.warnings, *missed, *unrefined))
     return Baked(prepared, chain, collection, tuple(built), build.schedule, view, settled, costs)
 
 

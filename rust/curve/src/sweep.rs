@@ -6,7 +6,7 @@ use glam::DVec3;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, FitSettings, Method, fit};
 use leafcloud::foliage::{Foliage, Opacity};
-use leafcloud::lod::{Chain, ChainSettings, Level, ViewCounts, build_chain, settled_fit};
+use leafcloud::lod::{Chain, ChainSettings, Level, Refinement, ViewCounts, build_chain, settled_fit};
 use leafcloud::metrics::{View, render, visibility};
 use leafcloud::textures::Samples;
 use leafcloud::{Progress, prune};
@@ -50,7 +50,7 @@ impl Stages {
             fit: sum(|level| level.seconds.fit),
             pack: sum(|level| level.seconds.pack),
             bake: sum(|level| level.seconds.bake),
-            metrics: sum(|level| level.seconds.metrics + level.seconds.refine),
+            metrics: sum(|level| level.seconds.metrics),
         }
     }
 
@@ -226,7 +226,7 @@ fn sample_of(triangles: usize) -> usize {
     (triangles / 10).clamp(3_500, 9_000)
 }
 
-/// Measures many choices that change `settings`.
+/// Measures many choices that change `settings`, without refinement: it would take most of the time.
 ///
 /// # Errors
 /// Settings outside their ranges; settings with pruning or without a cloud; a budget in a full sweep; no choice that can be built;
@@ -256,6 +256,7 @@ pub fn sweep(
     let settings = &ChainSettings {
         fit: settled_fit(settings, foliage, trunk, Progress::silent())?,
         fitting_pages: false,
+        refine: Refinement::Off,
         ..settings.clone()
     };
     let mut curve = Curve {

@@ -10,7 +10,7 @@ use leafcloud::atlas::AtlasSettings;
 use leafcloud::error::{Error, Result};
 use leafcloud::fit::{Effort, Method};
 use leafcloud::limits::Limits;
-use leafcloud::lod::{Chain, ChainSettings};
+use leafcloud::lod::{Chain, ChainSettings, Refinement, build_chain};
 use leafcloud::{Foliage, Progress};
 
 use crate::choice::Choice;
@@ -179,11 +179,11 @@ fn choices(asked: &Choice, max_size: Option<f64>) -> Vec<Choice> {
 }
 
 /// Builds a chain that meets the wish. It chooses ε, page, samples and effort, with pages up to the size in `settings`; all other settings
-/// stay.
+/// stay. It chooses by levels without refinement, and refines the chosen ones: a limit of time is without that.
 ///
 /// # Errors
 /// A wish outside its range; settings that leave no choice; an error limit that no try reaches; a time limit too short for any offer; the
-/// errors of [`build_chain`](leafcloud::lod::build_chain).
+/// errors of [`build_chain`].
 ///
 /// # Panics
 /// Never: a curve has offers.
@@ -196,17 +196,26 @@ pub fn build_within(
 ) -> Result<Built> {
     let begun = Instant::now();
     wish.check(settings)?;
-    let curve = sweep(foliage, trunk, settings, Sweep::Quick, progress.part(0.0, 0.2))?;
-    let (model, offers, settings) = (Model::new(&curve), offers(&curve), &curve.settings);
-    let tries = Tries { foliage, trunk, settings, model, offers, count: 0, progress: progress.part(0.2, 1.0) };
-    let built = match wish {
+    let chosen = if settings.refine == Refinement::Off { 1.0 } else { 1.0 - SHARE_OF_REFINEMENT };
+    let curve = sweep(foliage, trunk, settings, Sweep::Quick, progress.part(0.0, 0.2 * chosen))?;
+    let (model, offers, plain) = (Model::new(&curve), offers(&curve), &curve.settings);
+    let trying = progress.part(0.2 * chosen, chosen);
+    let tries = Tries { foliage, trunk, settings: plain, model, offers, count: 0, progress: trying };
+    let mut built = match wish {
         Wish::Preset(preset) => tries.place(preset),
         Wish::ImageError(most) => tries.reach(most),
         Wish::Seconds(most) => tries.hurry(most, begun),
     }?;
+    if settings.refine != Refinement::Off {
+        let refined = ChainSettings { refine: settings.refine, ..built.offer.choice.applied(plain)? };
+        built.chain = build_chain(foliage, trunk, &refined, progress.part(chosen, 1.0))?;
+    }
     progress.tell("bake", 1.0)?;
     Ok(built)
 }
+
+/// Share of the progress for a chain with refinement.
+const SHARE_OF_REFINEMENT: f64 = 0.6;
 
 impl Wish {
     fn check(self, settings: &ChainSettings) -> Result<()> {

@@ -8,7 +8,7 @@ use common::crown;
 use leafcloud::atlas::PageSize;
 use leafcloud::error::Error;
 use leafcloud::fit::{Effort, FitSettings, Method};
-use leafcloud::lod::{Chain, ChainSettings, PruneSettings, build_chain};
+use leafcloud::lod::{Chain, ChainSettings, PruneSettings, Refinement, build_chain};
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::chart::{Chart, ChartSize, Cost};
 use leafcloud_curve::{
@@ -102,6 +102,17 @@ fn an_error_limit_is_kept() {
     let built = build_within(&crown, None, &small(), Wish::Preset(Preset::Draft), Progress::silent()).unwrap();
     // The chosen offer depends on the machine's speed; the chain must match its offer.
     assert_eq!(built.chain.levels.len(), draft.levels);
+    assert_eq!(built.chain.levels[0].page.base_color.width(), built.offer.choice.texture_size);
+}
+
+#[test]
+fn a_wish_chooses_by_levels_without_refinement_and_refines_the_chosen_ones() {
+    let crown = crown(100);
+    let settings = ChainSettings { refine: Refinement::Short, ..small() };
+    let curve = sweep(&crown, None, &settings, Sweep::Quick, Progress::silent()).unwrap();
+    assert_eq!(curve.settings.refine, Refinement::Off);
+    let built = build_within(&crown, None, &settings, Wish::Preset(Preset::Draft), Progress::silent()).unwrap();
+    assert!(built.chain.levels[0].refined.is_some());
     assert_eq!(built.chain.levels[0].page.base_color.width(), built.offer.choice.texture_size);
 }
 

@@ -177,6 +177,14 @@ const TEST_TURN: f64 = 0.4;
 /// Turns of the steps, spread evenly between these, because a turn of 2.618 golden angles is a whole one: it shares its directions with 0.
 const TURNS: (f64, f64) = (0.65, 2.45);
 
+/// Returns the text of the progress: with the best error, once there is one.
+fn stage(best: &Gain) -> String {
+    match best.mean() {
+        1.0 => "refine".to_owned(),
+        mean => format!("refine (error {:.1} % of before)", 100.0 * mean),
+    }
+}
+
 /// Returns the turn of a step's views.
 fn turn_of(step: usize) -> f64 {
     let place = step as f64 * 0.618_033_988_75;
@@ -201,8 +209,7 @@ impl Subject<'_> {
         let mut best = (page.clone(), cutoff, Gain::none(&first));
         let mut texels = Texels::of(&page.base_color, self.atlas, cutoff);
         for step in 0..rounds * steps {
-            let stage = format!("refine (error {:.0} %)", 100.0 * best.2.mean());
-            progress.tell(&stage, step as f64 / (rounds * steps) as f64)?;
+            progress.tell(&stage(&best.2), step as f64 / (rounds * steps) as f64)?;
             let seen = drawn(self.leaves, views(each, turn_of(step))?)?;
             texels.move_by(&self.credits(page, &texels, cutoff, &seen)?, Rates::of_step(step));
             if (step + 1) % steps == 0 {
@@ -213,7 +220,7 @@ impl Subject<'_> {
                 }
             }
         }
-        progress.tell("refine", 1.0)?;
+        progress.tell(&stage(&best.2), 1.0)?;
         let (page, cutoff, gain) = best;
         Ok(RefinedPage { page, cutoff, refined: Refined { errors: gain.errors } })
     }

@@ -24,7 +24,7 @@ use super::pairs::Picture;
 use super::parts::{Parts, Places};
 use super::slabs::Slabs;
 use super::switches::Switches;
-use super::{Refined, Refinement, SIZES, TEST_TURN, TEST_VIEWS, turn_of};
+use super::{Refined, Refinement, SIZES, TEST_TURN, TEST_VIEWS, stage, turn_of};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::ImageBound;
@@ -111,7 +111,7 @@ impl Arrangement<'_> {
                 best = (made, gain);
             }
         }
-        progress.tell("refine", 1.0)?;
+        progress.tell(&stage(&best.1), 1.0)?;
         Ok((best.0, Some(Refined { errors: best.1.errors })))
     }
 
