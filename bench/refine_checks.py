@@ -7,6 +7,8 @@ from typing import Any
 
 SIZES = (512, 256, 128, 64, 32)
 """Sides of the compared pictures in pixels."""
+SUN_SIZES = (128, 32)
+"""Sides of the pictures under suns."""
 REFINED = ("short", "long")
 TOLERANCE = 0.01
 """How much larger the error of a refined level may be than that of the same level before: the error of the sampling."""
@@ -24,6 +26,10 @@ def ratios(row: dict[str, Any]) -> Iterator[tuple[str, float]]:
         for name in REFINED:
             for size in SIZES:
                 yield f"{row['tree']}, {name}{page}, {size}²", found[name][str(size)] / found["off"][str(size)]
+    for way, before in row["suns"]["off"].items() if "suns" in row else ():
+        for name in REFINED:
+            for size, own, first in zip(SUN_SIZES, row["suns"][name][way], before, strict=True):
+                yield f"{row['tree']}, {name} under suns, {way}, {size}²", own / first
 
 
 def failures(rows: Sequence[dict[str, Any]]) -> list[str]:

@@ -26,9 +26,11 @@ INTRODUCTION = """# Refinement
 Made by `make bench-refine`: level 1 against the leaves, with `refine` `off`, `short` and `long`. Billboards and texels
 are those of the published method (*literal*), as in [fidelity.md](fidelity.md). Textures are those of the .blend file,
 but for the [pages for engines](#pages-for-engines). FLIP is the mean over 8 views that no refinement uses, rendered by
-the metrics with 16 × 16 samples in each pixel (8 × 8 at 512²). `birch` and `walnut` are trees that no setting was
-chosen by (`bench/unseen_trees.py`). Trees with more than 200,000 triangles are left out, as in fidelity.md. To measure
-one, name it: `make bench-refine ARGS=../shared/foliage/maple_1m.glb`.
+the metrics with 16 × 16 samples in each pixel (8 × 8 at 512²). In the tables the column *literal* has the error of the
+published method with its own textures; *off*, *short* and *long* are divided by it. A refined level should have at
+most 1.01 of the error of *off* at each size, and a coverage of 0.985 to 1.015 (`bench/refine_checks.py`). `birch` and
+`walnut` are trees that no setting was chosen by (`bench/unseen_trees.py`). Trees with more than 200,000 triangles are
+left out, as in fidelity.md. To measure one, name it: `make bench-refine ARGS=../shared/foliage/maple_1m.glb`.
 
 {checks}
 
@@ -65,7 +67,9 @@ their outlines count. *colors*: FLIP by the metrics from 8 views, with the leave
 HAND_OVERS = """## Hand-overs
 
 FLIP between the leaves as they lie on their billboards where level 1 takes over, and level 1, in pictures of the size
-nearest to the crown's there: the change that a cross-fade hides. It is not the error against the leaves."""
+nearest to the crown's there: the change that a cross-fade hides. It is not the error against the leaves. A refined
+level looks more like the leaves, and so less like the leaves on their billboards
+([why](../decisions/refinement.md))."""
 
 FLIGHT = """## On a flight
 

@@ -283,8 +283,8 @@ class LevelSettings:
             "NAME",
             choices={
                 "off": "billboards stay as they are fitted and baked",
-                "short": "some seconds for each level",
-                "long": "some tens of seconds for each level",
+                "short": "some seconds for each cloud that is tried",
+                "long": "some tens of seconds for each cloud that is tried",
             },
         ),
     ] = "off"

@@ -20,7 +20,9 @@ def results() -> dict[str, Any]:
     levels = {
         name: level(error) | {"engine": level(error)} for name, error in (("off", 0.2), ("short", 0.1), ("long", 0.1))
     }
-    return {"tree": "elm", "levels": levels, "cycles": {name: level(0.1) for name in ("off", "short", "long")}}
+    cycles = {name: level(0.1) for name in ("off", "short", "long")}
+    suns = {name: {"normals": [0.1, 0.05], "colors": [0.1, 0.05]} for name in ("off", "short", "long")}
+    return {"tree": "elm", "levels": levels, "cycles": cycles, "suns": suns}
 
 
 def test_smaller_errors_and_the_leaves_coverage_pass() -> None:
@@ -48,6 +50,12 @@ def test_an_error_that_grows_at_one_size_fails(effort: str, size: str) -> None:
         level[size] = (0.1 if place == "cycles" else 0.2) * 1.02
         assert failures([row]) == [f"elm, {expected}, {size}²: 1.020 of the error before, more than 1.01"]
         assert expected in summary([row])
+
+
+def test_an_error_that_grows_under_suns_fails() -> None:
+    row = results()
+    row["suns"]["long"]["colors"] = [0.1, 0.051]
+    assert failures([row]) == ["elm, long under suns, colors, 32²: 1.020 of the error before, more than 1.01"]
 
 
 @pytest.mark.parametrize("coverage", [0.984, 1.016])

@@ -320,7 +320,7 @@ class Level:
         whole ``base_color``. Else alpha is another than that of ``base_color``: on the polygons about the same area is
         above the cutoff at mips 0 to 2 and, on most pages, at mip 3. Pictures on mips 0 to 2 correct that area toward
         the coverage of the leaves, and the colors toward their mean color. Then pictures refine the
-        texels, except in a quick bake. Computed on the first call, in seconds."""
+        texels, except in a quick bake without ``refine``. Computed on the first call, in seconds."""
     def halved(self, channel: str, halvings: int) -> NDArray[np.uint8]:
         """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …), as large as that of ``for_engines(halvings)``.
 
@@ -337,10 +337,11 @@ class Level:
         """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
 
         The format is Basis Universal UASTC with Zstandard, as ``KHR_texture_basisu`` requires. The page is whole; its
-        base color is for the alpha cutoff of ``for_engines(halvings)``. In a quick bake every compressed mip keeps the
-        fraction of each billboard's texels above the cutoff that the page has, within 1 % or one texel, down to 8 × 8
-        texels of the page and 4 × 4 of the billboard. Otherwise mips are refined by pictures, and each covers about as
-        much as the leaves, alone and mixed with the next. The bytes are the same for the same page on one machine only.
+        base color is for the alpha cutoff of ``for_engines(halvings)``. In a quick bake without ``refine`` every
+        compressed mip keeps the fraction of each billboard's texels above the cutoff that the page has, within 1 % or
+        one texel, down to 8 × 8 texels of the page and 4 × 4 of the billboard. Otherwise mips are refined by pictures,
+        and each covers about as much as the leaves, alone and mixed with the next. The bytes are the same for the same page on one machine
+        only.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``), and
         for a page with a side that is not a multiple of 4.
