@@ -341,8 +341,7 @@ class Level:
         compressed mip keeps the fraction of each billboard's texels above the cutoff that the page has, within 1 % or
         one texel, down to 8 × 8 texels of the page and 4 × 4 of the billboard. Otherwise mips are refined by pictures,
         and each covers about as much as the leaves, alone and mixed with the next. The bytes are the same
-        for the same page on one machine
-        only.
+        for the same page on one machine only.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``), and
         for a page with a side that is not a multiple of 4.
