@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::fit::{FitSettings, ImageBound, Method};
 use crate::foliage::Foliage;
 use crate::limits;
+use crate::metrics::check_up;
 use crate::textures::{Channels, Samples};
 
 /// Factor by which ε grows from level to level (the paper: at least 2).
@@ -182,9 +183,7 @@ impl ChainSettings {
     /// # Errors
     /// The first setting outside its range.
     pub fn check(&self) -> Result<()> {
-        if !self.up.is_finite() || self.up.try_normalize().is_none() {
-            return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", self.up.to_array())));
-        }
+        check_up(self.up)?;
         self.fit.check()?;
         self.channels.check()?;
         self.views.check()?;

@@ -69,10 +69,15 @@ pub(crate) fn check_scale(scale: f64, up: DVec3) -> Result<()> {
             "a length of 1 covers {scale:?} pixels; the number must be above 0 and finite"
         )));
     }
-    if !up.is_finite() || up.try_normalize().is_none() {
-        return Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", up.to_array())));
+    check_up(up)
+}
+
+/// Checks that `up` is a direction.
+pub(crate) fn check_up(up: DVec3) -> Result<()> {
+    if up.is_finite() && up.try_normalize().is_some() {
+        return Ok(());
     }
-    Ok(())
+    Err(Error::invalid(format!("up is {:?}; it needs a finite length above 0", up.to_array())))
 }
 
 /// Returns the cost in views with these axes of the picture, to the right and up.

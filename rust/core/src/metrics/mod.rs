@@ -8,8 +8,8 @@ mod measure;
 mod render;
 mod visibility;
 
-pub(crate) use drawing::check_scale;
 pub use drawing::{DrawingCost, counted_views, drawing_cost};
+pub(crate) use drawing::{check_scale, check_up};
 use light::Light;
 pub(crate) use light::brightness;
 pub(crate) use measure::coverage;
