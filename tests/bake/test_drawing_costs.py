@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 import pytest
 from command_line import bake, run
 from glb import read_chunks, read_glb
 from small_glb import png, write_quad_glb
 
-from addon.export.gpu_load import image_size
+import leafcloud
+from addon.export.glb_file import Glb
+from addon.export.gpu_load import GpuLoad, image_size
 from addon.export.report import texture_warnings
 
 KEYS = {
@@ -145,3 +148,20 @@ def test_textures_that_outweigh_the_leaves_are_told() -> None:
     assert "most of it for level 1: set a smaller `texture_size`" in warning
     assert texture_warnings([leaves, cloud, level(2, "cross", 0.0, 0.1)]) == [], "few bytes"
     assert texture_warnings([level(0, "leaves", 9.0, 1.0), level(1, "stochastic", 0.5, 30.0)]) == [], "few times"
+
+
+def test_an_image_as_png_and_as_ktx2_counts_twice() -> None:
+    glb = Glb({"buffers": [{}], "bufferViews": [], "accessors": []}, bytearray())
+    positions, indices = glb.append_accessor(np.zeros((3, 3), np.float32)), glb.append_indices(np.arange(3))
+    picture = leafcloud.encode_png([np.zeros((6, 8, 4), np.uint8)])
+    glb.document |= {
+        "images": [{"bufferView": glb.append_view(picture)}],
+        "textures": [{"source": 0}, {"source": 0, "extensions": {"KHR_texture_basisu": {"source": 0}}}],
+        "materials": [{"emissiveTexture": {"index": 0}, "normalTexture": {"index": 1}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": positions}, "indices": indices, "material": 0}]}],
+        "nodes": [{"name": "leaves", "mesh": 0}],
+    }
+    load = GpuLoad()
+    load.read(glb)
+    texels = 8 * 6 * 4 / 3
+    assert load.texture_bytes_of("leaves") == texels * (4 + 1)

@@ -1,4 +1,4 @@
-"""The setting `refine`: what it does not change is told."""
+"""Warnings about levels that the setting `refine` does not change."""
 
 from __future__ import annotations
 
@@ -28,7 +28,9 @@ def levels(alpha_mode: str, **options: Any) -> list[leafcloud.AnyLevel]:
         ("OPAQUE", {"levels": 0}, "`refine` has no effect: no level has billboards"),
     ],
 )
-def test_what_is_not_refined_is_told(alpha_mode: str, options: dict[str, Any], warning: str | None) -> None:
+def test_levels_that_refine_does_not_change_get_a_warning(
+    alpha_mode: str, options: dict[str, Any], warning: str | None
+) -> None:
     made = levels(alpha_mode, **options)
     assert refine_warnings("short", made) == ([] if warning is None else [warning])
     assert refine_warnings("off", made) == []

@@ -179,7 +179,7 @@ fn choices(asked: &Choice, max_size: Option<f64>) -> Vec<Choice> {
 }
 
 /// Builds a chain that meets the wish. It chooses ε, page, samples and effort, with pages up to the size in `settings`; all other settings
-/// stay. It chooses by levels without refinement, and refines the chosen ones: a limit of time is without that.
+/// stay. It compares chains without refinement. The chosen chain is then built again with it, beyond a limit of time.
 ///
 /// # Errors
 /// A wish outside its range; settings that leave no choice; an error limit that no try reaches; a time limit too short for any offer; the

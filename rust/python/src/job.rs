@@ -317,7 +317,8 @@ impl PyJob {
 }
 
 impl PyJob {
-    /// Returns a value that the work reports; the default in a forked child whose lock is held, see [`Self::ended`].
+    /// Returns the stage of the work, or its best result so far. A forked child may get the default: a fork copies the lock, perhaps while
+    /// the work holds it.
     fn reported<T: Clone + Default>(&self, value: &Mutex<T>) -> T {
         if self.process == std::process::id() {
             return lock(value).clone();

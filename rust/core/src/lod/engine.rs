@@ -71,7 +71,7 @@ impl Sharer {
         }
     }
 
-    /// Returns its part of the page. Made when it is wanted: it has a number for each texel of the whole page.
+    /// Returns its part of the page. Made on each call, because it takes four bytes for each texel of the whole page.
     fn part(&self) -> PagePart {
         PagePart::of(&self.atlas, self.alpha_cutoff, self.first_seen)
     }
