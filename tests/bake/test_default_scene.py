@@ -36,7 +36,7 @@ def drawn() -> set[str]:
 
 def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> None:
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.every_level = 256, True
+    settings.texture_size, settings.every_level, settings.quality = 128, True, 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS
     assert all(bpy.data.objects[name].visible_get() for name in LEVELS)
@@ -52,7 +52,7 @@ def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> 
 
 def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types.Object) -> None:
     status, settings = bpy.context.window_manager.leafcloud, bpy.context.scene.leafcloud
-    settings.texture_size, settings.epsilon = 64, 0.2
+    settings.texture_size, settings.epsilon, settings.quality = 64, 0.2, 0.1
     bpy.ops.leafcloud.bake()
     assert (status.note, status.viewer) == ("The camera stands still, so all levels are made", "camera")
     bpy.ops.leafcloud.bake(viewer=status.viewer)
@@ -107,7 +107,7 @@ def test_the_plan_uses_the_lights_of_the_scene(camera: bpy.types.Object) -> None
 def test_the_command_line_notes_the_camera_s_effect_in_one_line(camera: bpy.types.Object, tmp_path: Path) -> None:
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     source = saved(tmp_path / "garden.blend")
-    quick = ("--input", source, "--texture-size", 64, "--epsilon", 0.2)
+    quick = ("--input", source, "--texture-size", 64, "--epsilon", 0.2, "--quality", 0.1)
     still = run(*quick, "--out", tmp_path / "still")
     assert still.returncode == 0, still.stderr
     notes = [line for line in still.stderr.splitlines() if ": note: " in line]

@@ -89,7 +89,7 @@ def trunk() -> bpy.types.Object:
 def baked(colors: dict[str, Color], effects: str, *others: bpy.types.Object, **shape: Any) -> Baked:
     obj = crown(colors)
     settings = BakeSettings(
-        effects=effects, **{"levels": 1, "cross": False, "texture_size": 256, "epsilon": 0.04, "pixels": 8.0, **shape}
+        effects=effects, **{"levels": 1, "cross": False, "texture_size": 256, "epsilon": 0.04, "quality": 0.1, **shape}
     )
     result = bake(read([obj, *others], [obj.name]), settings)
     for made in (obj, *others, *(each for level in result.levels for each in (level.object, level.trunk) if each)):
@@ -328,7 +328,7 @@ def test_a_bake_without_the_effect_has_no_leaf_map(tmp_path: Path, effects: str)
 
 
 def test_the_report_counts_the_bytes_of_the_leaf_map(tmp_path: Path, shrub: Path) -> None:
-    shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1)
+    shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1, "--quality", 0.1)
     report = bake_files(shrub, tmp_path, "--effects", "leaf_map", *shape)
     told = {effect["name"]: effect for effect in report["effects"]}
     assert told["leaf_map"]["bytes"] == 2 * 128 * 128 * 4

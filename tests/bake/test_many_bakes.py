@@ -34,7 +34,7 @@ def test_memory_and_data_blocks_do_not_grow(shrub: Path) -> None:
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.epsilon, settings.pixels = 64, 0.2, 8.0
+    settings.texture_size, settings.epsilon, settings.quality = 64, 0.2, 0.1
     settings.levels, settings.last, settings.effort = 1, "cross", "literal"
     for number in range(BAKES):
         assert bpy.ops.leafcloud.bake() == {"FINISHED"}

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from command_line import FINE, bake
 from glb import read_chunks
 from mip_levels import levels_in
 
@@ -22,7 +22,7 @@ THREE = HERE.parents[1] / "engines" / "three" / "node_modules" / "three"
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> Path:
     out = tmp_path_factory.mktemp("babylon")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--levels", 1, "--last", "cross", "--effects", "none")
+    bake(shrub, out, *FINE, "--engine", "babylon", "--levels", 1, "--last", "cross", "--effects", "none")
     return out
 
 
@@ -63,7 +63,7 @@ def test_mip_levels_are_those_of_the_ktx2(number: int, files: Path, tmp_path: Pa
 def test_the_validator_finds_nothing(
     engine: str, gltf_issues: Callable[..., list[dict[str, Any]]], tmp_path: Path, shrub: Path
 ) -> None:
-    bake(shrub, tmp_path, *QUICK, "--engine", engine, "--levels", 1, "--last", "octahedral", "--effects", "none")
+    bake(shrub, tmp_path, *FINE, "--engine", engine, "--levels", 1, "--last", "octahedral", "--effects", "none")
     for number in (1, 2):
         document, _ = read_chunks(tmp_path / f"shrub_LOD{number}.glb")
         assert "mipLevels" in str(document["materials"])
@@ -76,6 +76,6 @@ def test_the_validator_finds_nothing_but_ktx2(files: Path, gltf_issues: Callable
 
 
 def test_other_engines_get_no_mip_levels(tmp_path: Path, shrub: Path) -> None:
-    bake(shrub, tmp_path, *QUICK, "--engine", "generic", "--levels", 1, "--no-cross", "--effects", "none")
+    bake(shrub, tmp_path, *FINE, "--engine", "generic", "--levels", 1, "--no-cross", "--effects", "none")
     document, _ = read_chunks(tmp_path / "shrub_LOD1.glb")
     assert "mipLevels" not in str(document)

@@ -26,7 +26,7 @@ def sources(shrub: Path) -> list[bpy.types.Object]:
     """The objects of a part of the shrub, selected, with settings of a quick bake."""
     import_part(shrub)
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
+    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 1, 0.2, 0.1
     found = [bpy.data.objects["leaves"], bpy.data.objects["branches"]]
     select(*found)
     return found
@@ -326,7 +326,7 @@ def test_opening_a_file_clears_plan_status_and_curve(sources: list[bpy.types.Obj
 
 
 def test_a_shorter_chain_removes_the_files_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
-    out, quick = tmp_path / "out", ("--texture-size", 64, "--epsilon", 0.2)
+    out, quick = tmp_path / "out", ("--texture-size", 64, "--epsilon", 0.2, "--quality", 0.1)
     bake(shrub, out, *quick, "--levels", 2)
     (out / "shrub_LOD9.glb").write_bytes(b"not listed in a report: somebody else's")
     (out / "other_LOD3.glb").write_bytes(b"another tree's")

@@ -13,7 +13,7 @@ from glb import Primitive, read_glb
 
 def level_of(out: Path, shrub: Path, effects: str) -> tuple[Primitive, dict[str, Any]]:
     """Bake the shrub. Return level 1 and the report's effects by name."""
-    shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1)
+    shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1, "--quality", 0.1)
     told = bake(shrub, out, "--effects", effects, *shape)["effects"]
     [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
     return primitive, {effect["name"]: effect for effect in told}

@@ -31,7 +31,7 @@ from addon.plan.effects import is_on, joint_effects
 from addon.settings.bake import BakeSettings
 
 RED, GREEN, BLUE = (0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8)
-SMALL = {"every_level": True, "texture_size": 128, "levels": 1, "samples": 2}
+SMALL = {"every_level": True, "texture_size": 128, "quality": 0.1, "levels": 1, "samples": 2}
 
 
 def crown(
@@ -300,7 +300,7 @@ def test_files_have_all_trees_and_each_page_once(
 ) -> None:
     red_and_blue()
     scene, out = saved(tmp_path / "trunk.blend"), tmp_path / "out"
-    quick = ("--texture-size", 128, "--levels", 1, "--every-level")
+    quick = ("--texture-size", 128, "--quality", 0.1, "--levels", 1, "--every-level")
     report = bake_files(scene, out, "--trees", "collections", *quick)
     assert [tree["name"] for tree in report["trees"]] == ["maple", "spruce"]
     levels = [f"trunk_LOD{number}.glb" for number in range(3)]
@@ -325,7 +325,19 @@ def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> Non
     red_and_blue()
     bpy.ops.export_scene.gltf(filepath=str(tmp_path / "maple.glb"), use_visible=True)
     out = tmp_path / "out"
-    inputs = ("--input", shrub, tmp_path / "maple.glb", "--texture-size", 128, "--epsilon", 0.1, "--levels", 1)
+    inputs = (
+        "--input",
+        shrub,
+        tmp_path / "maple.glb",
+        "--texture-size",
+        128,
+        "--epsilon",
+        0.1,
+        "--quality",
+        0.1,
+        "--levels",
+        1,
+    )
     done = run(*inputs, "--out", out, "--engine", "babylon", "--effects", "normals")
     assert done.returncode == 0, done.stderr
     assert "of 2 trees" in done.stdout

@@ -161,7 +161,7 @@ def test_every_engine_has_its_form() -> None:
 def test_engines_get_the_form_that_their_importers_keep(
     engine: str, shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
-    quick = ("--levels", 1, "--texture-size", 64, "--epsilon", 0.2)
+    quick = ("--levels", 1, "--texture-size", 64, "--epsilon", 0.2, "--quality", 0.1)
     import_part(shrub)
     source, out = saved(tmp_path / "shrub.blend"), tmp_path / "out"
     bake(source, out, *quick, "--effects", "transitions,pruning", "--engine", engine)
@@ -212,7 +212,7 @@ def test_three_uv_maps_do_not_move_the_sets_of_vertex_data(tmp_path: Path) -> No
     for polygon in obj.data.polygons:
         polygon.material_index = polygon.index % 3
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
-    effects = ("--effects", "transitions,pruning", "--levels", 1, "--texture-size", 64)
+    effects = ("--effects", "transitions,pruning", "--levels", 1, "--texture-size", 64, "--quality", 0.1)
     bake(tmp_path / "tree.blend", tmp_path / "out", *effects, "--engine", "godot")
     surfaces = read_as_godot(tmp_path / "out" / "tree_LOD0.glb")["tree_LOD0"]
     assert len(surfaces) == 3

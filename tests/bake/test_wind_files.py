@@ -222,7 +222,7 @@ def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Nod
 def bake_still(out: Path, shrub: Path) -> dict[str, bytes]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     load(shrub)
-    baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, levels=2))
+    baked = bake_scene(read(), BakeSettings(texture_size=64, epsilon=0.2, quality=0.1, levels=2))
     write(TreeSet.of(baked), out, lambda stage, fraction: None, blend=False)
     return {path.name: path.read_bytes() for path in out.glob("*.glb")}
 
@@ -268,7 +268,7 @@ def test_a_bake_without_wind_calls_no_code_of_the_wind(
 def test_a_forest_sways(shrub: Path) -> None:
     """Pruned variants sway, too. All trees of a variant sway alike. Without wind, variants lack its attributes."""
     load(shrub)
-    settings = BakeSettings(texture_size=64, epsilon=0.2, levels=1, effects=EFFECTS)
+    settings = BakeSettings(texture_size=64, epsilon=0.2, quality=0.1, levels=1, effects=EFFECTS)
     baked = bake_scene(read(), settings)
     near = baked.switch_distances[1]
     for wind in (None, wind_settings(baked.prepared)):

@@ -277,7 +277,7 @@ def field(material: bpy.types.Material, stacked: int = 1) -> bpy.types.Object:
 
 def baked(obj: bpy.types.Object, *others: bpy.types.Object, **settings: Any) -> Baked:
     tree = read([obj, *others], [obj.name])
-    chosen = {"effects": "baked_light", "levels": 1, "cross": False, "texture_size": 256, **settings}
+    chosen = {"effects": "baked_light", "levels": 1, "cross": False, "texture_size": 256, "quality": 0.1, **settings}
     return bake(tree, BakeSettings(**chosen))
 
 
@@ -456,7 +456,7 @@ def test_the_command_line_bakes_the_light_of_a_file(tmp_path: Path) -> None:
     sun(math.pi, 0.0)
     source = tmp_path / "tree.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(source))
-    quick = ("--texture-size", 64, "--levels", 1, "--no-cross", "--leaves", obj.name)
+    quick = ("--texture-size", 64, "--quality", 0.1, "--levels", 1, "--no-cross", "--leaves", obj.name)
     said = bake_file(source, tmp_path / "out", *quick, "--effects", "baked_light")
     assert said["input"]["materials"] == ["m"]
     assert said["warnings"] == []

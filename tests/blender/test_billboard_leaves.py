@@ -21,6 +21,7 @@ def leaves(registered: None, shrub: Path) -> bpy.types.Object:
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
     settings.texture_size, settings.levels, settings.epsilon, settings.every_level = 64, 1, 0.2, True
+    settings.quality = 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     [found] = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) == 0]
     bpy.context.view_layer.objects.active = found

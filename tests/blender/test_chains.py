@@ -46,7 +46,14 @@ def crown(count: int = 400, material: bpy.types.Material | None = None) -> bpy.t
 
 
 def baked(obj: bpy.types.Object, chain: str, **settings: object) -> Baked:
-    shape = {"levels": 1, "texture_size": 256, "epsilon": 0.1, "effects": "transitions,pruning,contrast", **settings}
+    shape = {
+        "levels": 1,
+        "texture_size": 256,
+        "epsilon": 0.1,
+        "quality": 0.1,
+        "effects": "transitions,pruning,contrast",
+        **settings,
+    }
     return bake(read([obj], [obj.name]), BakeSettings(chain=chain, **shape))  # type: ignore[arg-type]
 
 

@@ -95,7 +95,7 @@ def test_an_empty_stands_for_the_tree_below_it() -> None:
     root.select_set(True)
     bpy.context.view_layer.objects.active = root
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
+    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 1, 0.2, 0.1
     assert selection_words(bpy.context) == "Oak: 20 leaves"
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     assert "Oak_LOD1" in bpy.data.objects

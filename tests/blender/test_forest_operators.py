@@ -37,6 +37,7 @@ def baked_crown(name: str = "tree", chain: str = "both", *, trunk: bool = True) 
         chain=chain,
         levels=1,
         texture_size=64,
+        quality=0.1,
         epsilon=0.1,
         prune_pixels=60.0,
         effects="transitions,pruning",

@@ -49,7 +49,7 @@ def test_each_file_is_a_tree_beside_the_others(folder: Path) -> None:
 def test_all_are_baked_at_once_and_the_table_has_a_row_for_each(folder: Path) -> None:
     bpy.ops.leafcloud.import_folder(directory=str(folder))
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
+    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 1, 0.2, 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     trees = list(baked_trees(bpy.context.scene))
     assert [tree.name for tree in trees] == ["ash_2", "oak_2"]
@@ -69,7 +69,7 @@ def test_a_baked_tree_is_imported_with_its_leaves_alone_and_other_data_stays(tmp
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.ops.object.select_all(action="SELECT")
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
+    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 1, 0.2, 0.1
     settings.directory = str(tmp_path / "baked")
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     (tmp_path / "folder").mkdir()

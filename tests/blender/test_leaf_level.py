@@ -48,7 +48,14 @@ def tuft(count: int = 150, matrix: Matrix | None = None) -> bpy.types.Object:
 
 
 def baked(obj: bpy.types.Object | None = None, **settings: Any) -> Baked:
-    shape = {"levels": 1, "texture_size": 128, "effects": "transitions,pruning", "last": "cross", **settings}
+    shape = {
+        "levels": 1,
+        "texture_size": 128,
+        "quality": 0.1,
+        "effects": "transitions,pruning",
+        "last": "cross",
+        **settings,
+    }
     obj = obj or tuft()
     return bake(read([obj], [obj.name]), BakeSettings(**shape))
 

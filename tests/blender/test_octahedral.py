@@ -25,7 +25,7 @@ from addon.settings.setting import SettingsError
 from addon.viewport.corners import parts_of
 
 SIDE, GRID = 32, 4
-SHAPE: dict[str, Any] = {"levels": 1, "epsilon": 0.1, "texture_size": 128, "last": "octahedral"}
+SHAPE: dict[str, Any] = {"levels": 1, "epsilon": 0.1, "quality": 0.1, "texture_size": 128, "last": "octahedral"}
 
 
 def baked(shrub: Path, matrix: Matrix | None = None, **settings: Any) -> Baked:

@@ -27,7 +27,7 @@ def selected_shrub(shrub: Path) -> list[bpy.types.Object]:
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels = 128, 1
+    settings.texture_size, settings.levels, settings.quality = 128, 1, 0.1
     return list(bpy.context.selected_objects)
 
 

@@ -33,7 +33,7 @@ def bake(shrub: Path) -> bpy.types.Collection:
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon, settings.pixels = 64, 2, 0.1, 8.0
+    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 2, 0.1, 0.1
     settings.last, settings.every_level = "cross", True
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))

@@ -25,7 +25,7 @@ def baked(shrub: Path) -> bpy.types.Collection:
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon = 64, 1, 0.2
+    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 1, 0.2, 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     return bpy.data.collections["leaves"]
 

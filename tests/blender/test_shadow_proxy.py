@@ -56,7 +56,7 @@ def test_the_plan_makes_no_shadow_proxy_without_need(settings: BakeSettings, fac
 def baked(effects: str) -> Baked:
     """Bake a crown of cards around the origin."""
     leaves = add_crown()
-    result = bake(read([leaves], ["leaves"]), BakeSettings(epsilon=0.1, texture_size=256, effects=effects))
+    result = bake(read([leaves], ["leaves"]), BakeSettings(epsilon=0.1, quality=0.1, texture_size=256, effects=effects))
     bpy.data.objects.remove(leaves)
     return result
 
@@ -103,7 +103,7 @@ def test_the_proxy_is_invisible_and_the_leaves_cast_no_shadow(tmp_path: Path) ->
 
 def test_the_trunk_keeps_its_own_shadow() -> None:
     trunk = add_mesh("trunk", [(0, 0, -1), (0.1, 0, -1), (0, 0, 1)], [(0, 1, 2)])
-    settings = BakeSettings(epsilon=0.1, texture_size=64, effects="shadow_proxy", cross=False)
+    settings = BakeSettings(epsilon=0.1, quality=0.1, texture_size=64, effects="shadow_proxy", cross=False)
     result = bake(read([add_crown(), trunk], ["leaves"]), settings)
     assert all(level.trunk is not None and level.trunk.visible_shadow for level in result.levels)
 

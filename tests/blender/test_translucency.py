@@ -75,7 +75,9 @@ def baked(material: bpy.types.Material, effects: str, *others: bpy.types.Object,
     """A field of leaves, and others that are none."""
     obj = field(material)
     tree = read([obj, *others], ["leaves"])
-    settings = BakeSettings(effects=effects, **{"levels": 1, "cross": False, "texture_size": 128, **shape})
+    settings = BakeSettings(
+        effects=effects, **{"levels": 1, "cross": False, "texture_size": 128, "quality": 0.1, **shape}
+    )
     result = bake(tree, settings)
     for source in (obj, *others):
         source.hide_render = True

@@ -30,6 +30,7 @@ def before(registered: None, shrub: Path) -> dict[str, set[str]]:
     kept = names()
     settings = bpy.context.scene.leafcloud
     settings.texture_size, settings.levels, settings.epsilon, settings.every_level = 64, 1, 0.2, True
+    settings.quality = 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     return kept
 
@@ -111,6 +112,7 @@ def test_the_shadow_proxy_is_hidden_beside_the_sources(registered: None, shrub: 
     bpy.ops.object.select_all(action="SELECT")
     settings = bpy.context.scene.leafcloud
     settings.texture_size, settings.levels, settings.epsilon, settings.effect_shadow_proxy = 64, 1, 0.2, "ON"
+    settings.quality = 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     [proxy] = [obj for obj in tree().objects if obj.name.endswith("_shadow")]
     for number, hidden in ((1, False), (-2, True), (0, False), (-1, False)):

@@ -26,7 +26,7 @@ from addon.plan.facts import Facts
 from addon.plan.trunk_limits import CHANGE, FAR_TRIANGLES, trunk_limits
 from addon.settings.bake import BakeSettings
 
-QUICK = ("--epsilon", 0.1, "--texture-size", 128)
+QUICK = ("--epsilon", 0.1, "--quality", 0.1, "--texture-size", 128)
 
 
 def grid(n: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
@@ -268,7 +268,7 @@ def baked_tree(effects: str) -> Baked:
     add_mesh("leaves", crown, leaves, materials=[material("leaf")])
     faces = [tuple(map(int, triangle)) for triangle in triangles]
     add_mesh("trunk", [tuple(p) for p in positions], faces, materials=[material("bark")])
-    return bake(read(), BakeSettings(texture_size=128, effects=effects))
+    return bake(read(), BakeSettings(quality=0.1, texture_size=128, effects=effects))
 
 
 def test_each_level_shows_its_own_trunk() -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import mip_levels
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from command_line import FINE, bake
 from engine_views import bundle, code_of, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ noise."""
 @pytest.fixture(scope="module")
 def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("babylon_ktx2")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions")
+    bake(shrub, out, *FINE, "--engine", "babylon", "--last", "cross", "--effects=+transitions")
     bundle(out)
     return out / "shrub.glb"
 
