@@ -55,19 +55,7 @@ def baked(tmp_path_factory: pytest.TempPathFactory) -> Path:
         polygon.material_index = number
     source = saved(tmp_path_factory.mktemp("source") / "cards.blend")
     out = tmp_path_factory.mktemp("cards")
-    flags = (
-        "--levels",
-        "1",
-        "--no-cross",
-        "--texture-size",
-        "128",
-        "--epsilon",
-        "0.01",
-        "--quality",
-        "0.1",
-        "--engine",
-        "bevy",
-    )
+    flags = ("--levels", "1", "--no-cross", "--texture-size", "128", "--epsilon", "0.01", "--engine", "bevy")
     bake(source, out, *flags, "--effects=-back_sides")
     return out
 

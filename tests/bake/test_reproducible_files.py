@@ -23,7 +23,7 @@ OLD_PROCESSOR = "glibc.cpu.hwcaps=-AVX512F,-AVX2,-AVX,-FMA,-FMA4,-BMI2"
 CORE = """
 import hashlib, sys, leafcloud
 foliage = leafcloud.read_gltf(sys.argv[1])
-options = {"levels": 1, "texture_size": 256, "normals": 0.5, "orm": True, "occlusion": True, "epsilon": 0.1}
+options = {"levels": 1, "texture_size": 128, "normals": 0.5, "orm": True, "occlusion": True, "epsilon": 0.1}
 chain = leafcloud.build_chain(foliage, **options)
 arrays = [a for each in chain.clouds for a in (each.corners, each.targets, each.base_color, each.normal, each.orm)]
 print(hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest())

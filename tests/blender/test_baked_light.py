@@ -277,7 +277,7 @@ def field(material: bpy.types.Material, stacked: int = 1) -> bpy.types.Object:
 
 def baked(obj: bpy.types.Object, *others: bpy.types.Object, **settings: Any) -> Baked:
     tree = read([obj, *others], [obj.name])
-    chosen = {"effects": "baked_light", "levels": 1, "cross": False, "texture_size": 256, "quality": 0.1, **settings}
+    chosen = {"effects": "baked_light", "levels": 1, "cross": False, "texture_size": 256, **settings}
     return bake(tree, BakeSettings(**chosen))
 
 

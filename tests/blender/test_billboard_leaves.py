@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from kept_scenes import open_scene
 
 from addon.mesh.baked_levels import level_number
 
@@ -16,6 +17,13 @@ pytestmark = pytest.mark.usefixtures("registered")
 @pytest.fixture
 def leaves(registered: None, shrub: Path) -> bpy.types.Object:
     """Return the leaves of a baked tree."""
+    open_scene("billboard leaves", lambda: bake(shrub))
+    [found] = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) == 0]
+    bpy.context.view_layer.objects.active = found
+    return found
+
+
+def bake(shrub: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
@@ -23,9 +31,6 @@ def leaves(registered: None, shrub: Path) -> bpy.types.Object:
     settings.texture_size, settings.levels, settings.epsilon, settings.every_level = 64, 1, 0.2, True
     settings.quality = 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
-    [found] = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) == 0]
-    bpy.context.view_layer.objects.active = found
-    return found
 
 
 def billboards(obj: bpy.types.Object) -> np.ndarray:

@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from kept_scenes import open_scene
 from mathutils import Matrix, Vector
 
 from addon.levels.placed_tree import placed_tree as object_of
@@ -25,21 +26,21 @@ RADII = (1.0, 100.0, 132.0, 150.0, 165.0, 190.0, 220.0, 400.0)
 @pytest.fixture
 def baked(registered: None, shrub: Path) -> bpy.types.Collection:
     """Return the collection of a tree that was baked with all levels; a camera looks along −X."""
-    return bake(shrub)
+    open_scene("placed trees", lambda: bake(shrub))
+    return bpy.data.collections["leaves"]
 
 
-def bake(shrub: Path) -> bpy.types.Collection:
+def bake(shrub: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 2, 0.1, 0.1
+    settings.texture_size, settings.levels, settings.epsilon, settings.pixels = 64, 2, 0.1, 8.0
     settings.last, settings.every_level = "cross", True
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
     bpy.context.scene.collection.objects.link(camera)
     bpy.context.scene.camera = camera
-    return bpy.data.collections["leaves"]
 
 
 def placed_tree(collection: bpy.types.Collection) -> bpy.types.Object:
@@ -183,7 +184,8 @@ def test_a_placed_tree_sways_as_the_levels_do(registered: None, shrub: Path) -> 
     bpy.ops.object.effector_add(type="WIND")
     field = bpy.context.object
     bpy.context.scene.leafcloud.effect_wind = "ON"
-    tree = bake(shrub)
+    bake(shrub)
+    tree = bpy.data.collections["leaves"]
     placed = link(placed_tree(tree))
     bpy.context.scene.frame_set(7)
     for strength, radii, x in ((0.0, 1.0, 0.0), (5.0, 1.0, 0.0), (5.0, 1.0, 3.0), (2.0, 132.0, 3.0)):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 import pytest
+from kept_scenes import open_scene
 from mathutils import Vector
 
 from addon.mesh.baked_levels import level_number
@@ -18,15 +19,19 @@ pytestmark = pytest.mark.usefixtures("registered")
 @pytest.fixture
 def levels(registered: None, shrub: Path) -> list[bpy.types.Object]:
     """Return the levels of a tree. Level 1 takes over at 128 radii, level 2 at 160, the cross at 200."""
+    open_scene("preview labels", lambda: bake(shrub))
+    found = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) is not None]
+    return sorted(found, key=lambda obj: obj.name)
+
+
+def bake(shrub: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 2, 0.1, 0.1
+    settings.texture_size, settings.levels, settings.epsilon, settings.pixels = 64, 2, 0.1, 8.0
     settings.last, settings.every_level = "cross", True
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
-    found = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) is not None]
-    return sorted(found, key=lambda obj: obj.name)
 
 
 def eye_at(levels: list[bpy.types.Object], radii: float) -> Vector:

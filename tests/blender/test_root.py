@@ -7,6 +7,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from kept_scenes import open_scene
 from mathutils import Matrix
 
 from addon.levels.root import is_root, root_of
@@ -20,6 +21,11 @@ MOVE = Matrix.Translation((5.0, -2.0, 1.0)) @ Matrix.Rotation(0.7, 4, "Z") @ Mat
 @pytest.fixture
 def baked(shrub: Path) -> bpy.types.Collection:
     """Return the collection of a baked tree."""
+    open_scene("root", lambda: bake(shrub))
+    return bpy.data.collections["leaves"]
+
+
+def bake(shrub: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.data.objects["leaves"].matrix_world = Matrix.Translation((1.0, 2.0, 3.0)) @ Matrix.Rotation(0.3, 4, "X")
     bpy.ops.object.select_all(action="SELECT")
@@ -27,7 +33,6 @@ def baked(shrub: Path) -> bpy.types.Collection:
     settings = bpy.context.scene.leafcloud
     settings.texture_size, settings.levels, settings.epsilon, settings.quality = 64, 1, 0.2, 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
-    return bpy.data.collections["leaves"]
 
 
 def root(collection: bpy.types.Collection) -> bpy.types.Object:

@@ -9,6 +9,7 @@ from unittest.mock import MagicMock
 import bpy
 import numpy as np
 import pytest
+from kept_scenes import open_scene
 
 import addon.ui as interface
 from addon.levels.results import LevelResult, keep_warnings, results_of
@@ -23,7 +24,11 @@ KINDS = ("objects", "meshes", "materials", "images", "collections")
 
 @pytest.fixture
 def before(registered: None, shrub: Path) -> dict[str, set[str]]:
-    """Bake the imported shrub; return the names of all data-blocks before."""
+    """Open a scene with the baked shrub; return the names of all data-blocks before the bake."""
+    return open_scene("tree panel", lambda: bake(shrub))
+
+
+def bake(shrub: Path) -> dict[str, set[str]]:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     bpy.ops.object.select_all(action="SELECT")
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
