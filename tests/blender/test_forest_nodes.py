@@ -410,7 +410,7 @@ with open(sys.argv[2], "w") as file:
 
 def test_a_baked_tree_becomes_a_forest_that_needs_no_addon(shrub: Path, tmp_path: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
-    settings = BakeSettings(epsilon=0.2, quality=0.1, levels=1, texture_size=128, effects="+pruning")
+    settings = BakeSettings(epsilon=0.2, pixels=8.0, levels=1, texture_size=256, effects="+pruning")
     baked = bake(read(), settings)
     centre = baked.prepared.foliage.centre
     near = baked.switch_distances[1]

@@ -160,7 +160,7 @@ def test_a_forest_looks_as_with_webgl(backend: str, pruned_bake: Path) -> None:
         "code": code_of("three", 1),
         "places": forest_of(radius, 64),
         "seconds": 3.7,
-        "settings": {"lodDistance": 0.4, "pruneStart": 20.0 * radius},
+        "settings": {"lodDistance": 1.15, "pruneStart": 20.0 * radius},
     }
     found, expected = (drawn(renderer, pruned_bake, views, **common) for renderer in (backend, "webgl"))
     assert (
