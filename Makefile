@@ -43,12 +43,11 @@ test: setup .venv/.test .venv-supply/.installed $(NODE_MODULES) ## run the tests
 	cargo test --workspace --release --lib --tests
 	tools/run_tests.sh .venv -m 'not long and not browser' $(ARGS)
 
-# CI runs this target. Blender 4.2 and 5.0 run the tests inside Blender and one whole bake.
+# CI runs this target. Blender 4.2 and 5.0 run the tests inside Blender and one whole bake. The tests of Rust run with its checks of
+# arithmetic; the release build gives the same bytes (tools/same_bytes.sh), and all tests of Python use it.
 .PHONY: test-all
 test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## run all tests, also those of the browser, of measured trees and of Blender 4.2 and 5.0
-	cargo test --workspace --release --lib --tests
-	cargo test --package leafcloud --lib
-	cargo test --package leafcloud --test all corpus
+	cargo test --workspace --lib --tests
 	tools/same_bytes.sh
 	tools/run_tests.sh .venv
 	tools/run_tests.sh .venv-4.2 $(OTHER_BLENDERS)

@@ -3,6 +3,7 @@
 #
 #   tools/run_tests.sh ENVIRONMENT PYTEST_ARGUMENT…
 #
+# Files stay in their order, slow ones (tests/bake) first: at the end, short files keep both processes busy.
 # The time limit ends a Blender that hangs when it exits; no limit inside pytest can.
 set -euo pipefail
 environment=$1
@@ -10,4 +11,4 @@ shift
 
 blender=$("$environment/bin/python" -c 'from importlib.metadata import version; print(version("bpy"))')
 echo "leafcloud: testing in Blender $blender" >&2
-exec timeout --kill-after=10 3000 "$environment/bin/python" -m pytest --numprocesses 2 --dist loadfile "$@"
+exec timeout --kill-after=10 3000 "$environment/bin/python" -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder "$@"

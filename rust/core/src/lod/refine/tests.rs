@@ -1,3 +1,5 @@
+use std::sync::LazyLock;
+
 use glam::{DVec3, Vec2, Vec4};
 
 use super::credit::Credit;
@@ -62,6 +64,16 @@ fn level(foliage: &Foliage, refine: Refinement) -> Level {
     build_chain(foliage, None, &settings(refine), Progress::silent()).unwrap().levels.remove(0)
 }
 
+/// Bushes and their first levels, for several tests.
+static UNREFINED_400: LazyLock<(Foliage, Level)> = LazyLock::new(|| bush_and_level(400, Refinement::Off));
+static REFINED_200: LazyLock<(Foliage, Level)> = LazyLock::new(|| bush_and_level(200, Refinement::Short));
+
+fn bush_and_level(count: u32, refine: Refinement) -> (Foliage, Level) {
+    let foliage = bush(count);
+    let level = level(&foliage, refine);
+    (foliage, level)
+}
+
 /// Mean absolute difference of codes over the pixels of all pictures, in f64; a definition of its own.
 fn error(Comparison { flat, .. }: &Comparison) -> f64 {
     let shown = |pixel: &[u8; 4]| {
@@ -76,18 +88,18 @@ fn error(Comparison { flat, .. }: &Comparison) -> f64 {
 
 #[test]
 fn pictures_from_other_sides_become_more_like_the_leaves() {
-    let foliage = bush(400);
-    let [before, after] = [Refinement::Off, Refinement::Short].map(|effort| level(&foliage, effort));
+    let (foliage, before) = &*UNREFINED_400;
+    let after = level(foliage, Refinement::Short);
     assert_eq!(before.refined, None);
     let tested = &after.refined.as_ref().unwrap().errors;
     assert!(tested.iter().all(|(_, ratio)| *ratio < 1.0), "{tested:?}");
     let views = Views { count: 5, size: 96, samples: Samples::new(4).unwrap(), up: DVec3::Z, turn: 0.13 };
-    let leaves = Reference::new(&[&foliage], foliage.frame(), views).unwrap();
+    let leaves = Reference::new(&[foliage], foliage.frame(), views).unwrap();
     let pictures = |page: &Page, level: &Level| {
         let material = page.material(level.alpha_cutoff, !level.two_sided);
         leaves.compare(&billboards(&level.atlas, &level.frame, material).unwrap()).unwrap()
     };
-    let [old, new] = [&before, &after].map(|level| pictures(&level.page, level));
+    let [old, new] = [before, &after].map(|level| pictures(&level.page, level));
     assert!(error(&new) < 0.97 * error(&old), "{} after {}", error(&new), error(&old));
     assert!((new.coverage() - 1.0).abs() < 0.03, "{}", new.coverage());
 }
@@ -264,27 +276,24 @@ fn without_pictures(level: &Level) -> Level {
 
 #[test]
 fn pages_for_engines_become_more_like_the_leaves_on_all_mip_levels() {
-    let foliage = bush(400);
-    for (effort, most) in [(Refinement::Off, 0.99), (Refinement::Short, 0.98)] {
-        let refined = level(&foliage, effort);
-        let [old, new] = [&without_pictures(&refined), &refined].map(|level| {
+    for ((foliage, refined), most) in [(&*UNREFINED_400, 0.99), (&*REFINED_200, 0.98)] {
+        let [old, new] = [&without_pictures(refined), refined].map(|level| {
             let (page, cutoff) = level.for_engines(1);
-            page_seen(&foliage, level, page, cutoff)
+            page_seen(foliage, level, page, cutoff)
         });
         for (number, (new, old)) in new.iter().zip(&old).enumerate() {
-            assert!(new.error < most * old.error, "{effort:?}, level {number}: {} after {}", new.error, old.error);
+            assert!(new.error < most * old.error, "level {number}: {} after {}", new.error, old.error);
         }
     }
 }
 
 #[test]
 fn mip_levels_of_files_become_more_like_the_leaves_and_cover_a_little_more() {
-    let foliage = bush(400);
-    let refined = level(&foliage, Refinement::Off);
-    let [old, new] = [&without_pictures(&refined), &refined].map(|level| {
+    let (foliage, refined) = &*UNREFINED_400;
+    let [old, new] = [&without_pictures(refined), refined].map(|level| {
         let cutoff = level.for_engines(1).1;
         let mips = level.mips("base_color", 1).unwrap().into_owned().into_iter().skip(1).take(3).map(|mip| mip.image);
-        mips_seen(&foliage, level, mips, cutoff)
+        mips_seen(foliage, level, mips, cutoff)
     });
     for (number, (new, old)) in new.iter().zip(&old).enumerate() {
         assert!(new.error < 0.99 * old.error, "level {number}: {} after {}", new.error, old.error);
@@ -334,11 +343,10 @@ fn a_page_for_engines_that_shows_nothing_is_no_choice() {
 
 #[test]
 fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
-    let foliage = bush(200);
-    let level = level(&foliage, Refinement::Short);
+    let (foliage, level) = &*REFINED_200;
     let kept = level.refine_by.as_ref().unwrap();
     let far = |page: &Image, cutoff: f32| {
-        let of_mip = page_seen(&foliage, &level, page, cutoff).into_iter();
+        let of_mip = page_seen(foliage, level, page, cutoff).into_iter();
         of_mip.map(|mip| (mip.tone - 1.0).abs()).fold(0.0, f32::max)
     };
     // With small pictures, the first mip levels of the whole page are finer than pixels.
@@ -346,8 +354,8 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
         let (image, cutoff) = level.for_engines(halvings);
         let dark = image.mapped(|[r, g, b, a]| [r / 2, g / 2, b / 2, a]);
         let pictures = LeafPictures { steps: of_size(&kept.steps, size), tests: of_size(&kept.tests, size) };
-        let material = page_material(&level, cutoff);
-        let on_mips = OnMips { steps: 8, ..on_all_mips(&level, &material, cutoff, &pictures) };
+        let material = page_material(level, cutoff);
+        let on_mips = OnMips { steps: 8, ..on_all_mips(level, &material, cutoff, &pictures) };
         assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
         let found = far(&on_mips.refined(&dark).unwrap().unwrap(), cutoff);
         assert!(found < 0.15, "{halvings} halvings, pictures of {size} pixels: {found}");
@@ -356,12 +364,12 @@ fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
 
 #[test]
 fn mip_levels_have_pictures_of_the_size_at_which_engines_read_slanting_billboards() {
-    let level = level(&bush(200), Refinement::Short);
+    let (_, level) = &*REFINED_200;
     let pictures = level.refine_by.as_ref().unwrap();
     for halvings in [0, 1] {
         let (image, cutoff) = level.for_engines(halvings);
-        let material = page_material(&level, cutoff);
-        let on_mips = on_all_mips(&level, &material, cutoff, pictures);
+        let material = page_material(level, cutoff);
+        let on_mips = on_all_mips(level, &material, cutoff, pictures);
         let (view, texel) = (pictures.tests[0].0, level.atlas.texel() * level.frame.radius * f64::from(1 << halvings));
         let sizes: Vec<(usize, usize)> = on_mips.sizes(image).collect();
         assert!(sizes.len() > 2 && sizes.iter().all(|(_, size)| (8..=view.size).contains(size)), "{sizes:?}");
@@ -377,13 +385,12 @@ fn mip_levels_have_pictures_of_the_size_at_which_engines_read_slanting_billboard
 
 #[test]
 fn a_page_for_engines_that_covers_too_little_covers_more() {
-    let foliage = bush(200);
-    let level = level(&foliage, Refinement::Short);
+    let (foliage, level) = &*REFINED_200;
     let (image, cutoff) = level.for_engines(0);
     let sparse = image.mapped(|[r, g, b, a]| [r, g, b, a / 2]);
-    let material = page_material(&level, cutoff);
-    let on_mips = on_all_mips(&level, &material, cutoff, level.refine_by.as_ref().unwrap());
-    let coverage = |page: &Image| page_seen(&foliage, &level, page, cutoff)[1].coverage;
+    let material = page_material(level, cutoff);
+    let on_mips = on_all_mips(level, &material, cutoff, level.refine_by.as_ref().unwrap());
+    let coverage = |page: &Image| page_seen(foliage, level, page, cutoff)[1].coverage;
     let (before, after) = (coverage(&sparse), coverage(&on_mips.refined(&sparse).unwrap().unwrap()));
     assert!(before < 0.92 && (0.95..1.06).contains(&after), "{before}, then {after}");
 }
