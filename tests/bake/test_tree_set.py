@@ -11,8 +11,8 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from command_line import QUICK, refusal, run, saved
 from command_line import bake as bake_files
-from command_line import refusal, run, saved
 from glb import read_glb
 from mip_levels import with_levels
 from node_trees import new_material
@@ -325,19 +325,7 @@ def test_files_of_several_trees_may_be_given(tmp_path: Path, shrub: Path) -> Non
     red_and_blue()
     bpy.ops.export_scene.gltf(filepath=str(tmp_path / "maple.glb"), use_visible=True)
     out = tmp_path / "out"
-    inputs = (
-        "--input",
-        shrub,
-        tmp_path / "maple.glb",
-        "--texture-size",
-        128,
-        "--epsilon",
-        0.1,
-        "--quality",
-        0.1,
-        "--levels",
-        1,
-    )
+    inputs = ("--input", shrub, tmp_path / "maple.glb", *QUICK, "--levels", 1)
     done = run(*inputs, "--out", out, "--engine", "babylon", "--effects", "normals")
     assert done.returncode == 0, done.stderr
     assert "of 2 trees" in done.stdout
