@@ -177,7 +177,7 @@ def baked(out: Path, effects: str, chain: str, alpha: float = 1.0, **changed: An
     """Bake leaves with this alpha in a new scene. `changed` overrides settings."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bake_tree = read(tree(alpha), ["leaves"])
-    settings = {"texture_size": 64, "epsilon": 0.2, "levels": 1, "effects": effects, "chain": chain, **changed}
+    settings = {"texture_size": 64, "epsilon": 0.2, "effects": effects, "chain": chain, **changed}
     tree_set = TreeSet.of(bake(bake_tree, BakeSettings(**settings)))
     report = write(tree_set, out, lambda stage, fraction: None, blend=False)
     paths = [out / name for name in report["files"] if name.endswith(".glb")]

@@ -13,7 +13,7 @@ import pytest
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("registered")]
 
-BAKES, FIRST = int(os.environ.get("LEAFCLOUD_BAKES", "30")), 10
+BAKES, FIRST = int(os.environ.get("LEAFCLOUD_BAKES", "60")), 10
 MOST_GROWTH = 50e6
 """Bytes of memory that all bakes after the first ones may add."""
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups", "textures", "actions")
