@@ -23,21 +23,17 @@ from ..levels.root import without_root
 from ..levels.shadow_proxy import shadow_proxy_of
 from ..material.blended import masked
 from ..mesh.baked_levels import plain_mesh
-from ..plan.camera_visibility import pixels_of
 from ..plan.decision import is_on
 from ..plan.effects import on_effects
-from ..plan.pages import KTX2_ENGINES, MIP_ENGINES, halvings
+from ..plan.pages import KTX2_ENGINES
 from . import gltf, ktx2
 from .blend import save_blend
 from .blend_order import BlendOrders
 from .compression import compress
-from .engine_pages import EnginePage, engine_pages
 from .glb_file import Edit
 from .gpu_load import GpuLoad
-from .halved_channels import HalvedChannels
 from .joined_trunks import join_trunks
 from .lod_extension import LodChain, add_lods, screen_coverages
-from .mip_levels import MipLevels
 from .pictures import film_name, write_pictures
 from .plain_materials import materials_of_meshes, untangled
 from .report import joint_report, report
@@ -65,7 +61,6 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 changes.enter_context(without_root(tree.collection))
                 changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))
                 changes.enter_context(_as_in_files(tree))
-            changes.enter_context(engine_pages(_engine_pages(trees)))
             for number in range(max(len(tree.levels) for tree in trees)):
                 stem = f"{name}_LOD{number}"
                 progress(f"write {stem}.glb", 0.0)
@@ -119,15 +114,12 @@ def _edits(trees: Sequence[Baked]) -> list[Edit]:
     first = trees[0]
     engine = first.prepared.settings.engine
     clouds = _levels_by_material(trees)
-    pages = _engine_pages(trees)
-    taken = {name: page for name, page in pages.items() if ktx2.is_taken(page)}
+    taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
     textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
-    mips = MipLevels(pages if engine in MIP_ENGINES else {})
-    of_pages = [HalvedChannels(pages).add_to, mips.add_to, textures.add_to]
     if not is_on(first.effects, "blend_order"):
-        return [VertexData(engine).add_to, *of_pages]
+        return [VertexData(engine).add_to, textures.add_to]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
-    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, *of_pages]
+    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, textures.add_to]
 
 
 @contextmanager
@@ -162,17 +154,3 @@ def _levels_by_material(trees: Sequence[Baked]) -> dict[str, leafcloud.Level]:
         for tree in trees
         for built, level in zip(tree.levels[-len(tree.chain.clouds) :], tree.chain.clouds, strict=True)
     }
-
-
-def _engine_pages(trees: Sequence[Baked]) -> dict[str, EnginePage]:
-    """Return the pages of `_levels_by_material`. Trees share the pages of a level: its first take-over decides."""
-    least: dict[int, int] = {}
-    for tree in trees:
-        distances = tree.schedule.plain_distances[-len(tree.chain.clouds) :]
-        for number, (level, distance) in enumerate(zip(tree.chain.clouds, distances, strict=True)):
-            # The page of a cross impostor is small by itself, and seen from any distance behind this one.
-            own = 0 if level.method == "cross" else halvings(pixels_of(level.texel_size, distance, tree.view))
-            least[number] = min(own, least.get(number, own))
-    numbers = [number for tree in trees for number in range(len(tree.chain.clouds))]
-    levels = _levels_by_material(trees)
-    return {name: EnginePage(levels[name], least[number]) for name, number in zip(levels, numbers, strict=True)}

@@ -24,10 +24,10 @@ _SEEN_BY = ("camera", "diffuse", "glossy", "transmission", "volume_scatter")
 def add_shadow_proxy(collection: bpy.types.Collection, build: Build) -> None:
     """Add a shadow proxy made from level 1 to the collection, and stop the levels from casting shadows.
 
-    Trunks keep their own shadows. The proxy's texture is white, with the alpha of the level's atlas page for engines.
+    Trunks keep their own shadows. The proxy's texture is white, with the alpha of the level's atlas page.
     """
     name, level = f"{collection.name}_shadow", build.chain.clouds[0]
-    pixels, cutoff = level.for_engines()
+    pixels, cutoff = level.base_color.copy(), level.alpha_cutoff
     if cutoff == 0.0:  # Shadow maps store no partial opacity, so cut out at half of the greatest alpha.
         cutoff = float(pixels[..., 3].max()) / 510.0
     pixels[..., :3] = 255

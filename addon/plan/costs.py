@@ -56,7 +56,7 @@ def with_costs(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]
 
 
 def _page_texels(settings: BakeSettings, number: int) -> int:
-    """Return the number of texels of a cloud's atlas page: of the set size, or with texels of 0.7 pixels where the
+    """Return the number of texels of a cloud's atlas page: of the set size, or with texels of half a pixel where the
     cloud takes over, estimated from the square around the crown there."""
     width, height = page_size(settings, number)
     if settings.texture_size is not None or settings.texture_height is not None:

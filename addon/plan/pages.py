@@ -1,22 +1,12 @@
-"""Sizes of the atlas pages: the largest ones, known before the bake, and those in files."""
+"""Sizes of the atlas pages, known before the bake, and the engines that read KTX2."""
 
 from __future__ import annotations
-
-import math
 
 from ..settings.bake import BakeSettings
 from ..settings.levels import LARGEST_TEXTURE, SMALLEST_TEXTURE
 
 KTX2_ENGINES = ("three", "babylon")
 """The engines that are known to support KTX2 textures."""
-
-MIP_ENGINES = ("babylon", "bevy", "godot")
-"""The engines that read mip levels beside the PNG textures, by a package or an add-on of this repository."""
-
-MOST_HALVINGS = 3
-"""As many as `leafcloud.Level.for_engines` allows."""
-
-LARGEST_TEXEL_PIXELS = 1.2
 
 KTX2_EXTENSION = "KHR_texture_basisu"
 
@@ -27,16 +17,6 @@ def page_size(settings: BakeSettings, number: int) -> tuple[int, int]:
     width = settings.texture_size or LARGEST_TEXTURE
     height = settings.texture_height or width
     return max(width >> number, SMALLEST_TEXTURE), max(height >> number, SMALLEST_TEXTURE)
-
-
-def halvings(texel_pixels: float) -> int:
-    """Return how often the sides of a base color are halved in files: as long as texels stay smaller than 1.2 pixels.
-
-    texel_pixels: width of a texel in pixels, greater than 0, where the level takes over.
-    """
-    if texel_pixels >= LARGEST_TEXEL_PIXELS:
-        return 0
-    return min(MOST_HALVINGS, math.floor(math.log2(LARGEST_TEXEL_PIXELS / texel_pixels)))
 
 
 def ktx2_warning(settings: BakeSettings, pages: int) -> str | None:

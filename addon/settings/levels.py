@@ -248,7 +248,7 @@ class LevelSettings:
             "of the one before",
             "TEXELS",
             _range("texture_size"),
-            unset="texels of 0.7 pixels where a level takes over, not finer than half a texel of the leaves; "
+            unset="texels of half a pixel where a level takes over, not finer than half a texel of the leaves; "
             f"at most {LARGEST_TEXTURE}",
         ),
     ] = None

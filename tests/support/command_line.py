@@ -14,10 +14,7 @@ import bpy
 ROOT = Path(__file__).resolve().parents[2]
 BAKE = ROOT / "bake.py"
 QUICK = ("--texture-size", "128", "--epsilon", "0.1", "--quality", "0.1", "--every-level")
-"""Flags of a quick bake of all levels, however cheap the tree: few billboards, and pages for engines that are not
-refined. Finer bakes take up to four times as long."""
-FINE = ("--texture-size", "256", "--epsilon", "0.1", "--every-level")
-"""Flags of a bake of all levels with refined pages for engines."""
+"""Flags of a quick bake of all levels, however cheap the tree: few billboards and few views."""
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:

@@ -437,15 +437,6 @@ def test_png_round_trip(tmp_path: Any) -> None:
         leafcloud.write_png(str(tmp_path / "nowhere" / "picture.png"), pixels)
 
 
-@pytest.mark.parametrize("side", [96, 180, 201])
-def test_all_channels_for_engines_have_one_size(foliage: Foliage, side: int) -> None:
-    [level] = leafcloud.build_chain(foliage, levels=1, cross=False, texture_size=side, normals=True).clouds
-    for halvings in range(6):
-        base_color, _ = level.for_engines(halvings)
-        assert level.halved("normal", halvings).shape == base_color.shape, halvings
-        assert base_color.shape[0] * 2 ** min(halvings, 3) >= side
-
-
 def test_laws() -> None:
     assert leafcloud.keep(20.0, 10.0) == pytest.approx(0.5)
     assert leafcloud.keep(40.0, 10.0, 0.25) == pytest.approx(0.5)

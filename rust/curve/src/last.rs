@@ -45,9 +45,9 @@ pub struct Place<'a> {
 
 impl Place<'_> {
     /// Returns the simplified leaves, if they deviate by less than a texel of the impostor.
-    fn simpler(&self, up: glam::DVec3) -> Option<&Foliage> {
+    fn simpler(&self, up: glam::DVec3, size: Size) -> Option<&Foliage> {
         let simpler = self.simpler?;
-        let layout = Layout::around(self.parts, up, Size::default());
+        let layout = Layout::around(self.parts, up, size);
         let texel = 2.0 * layout.extent.x.min(layout.extent.y) / layout.size.texels as f64;
         (simpler.deviation * simpler.foliage.frame().radius < texel).then_some(&simpler.foliage)
     }
@@ -81,26 +81,27 @@ pub fn octahedral(
 ) -> Result<Option<Octahedral>> {
     check_last(last, settings)?;
     let cross = place.chain.levels.last().filter(|level| level.is_cross());
-    let build = || {
-        let simpler = place.simpler(settings.up);
+    let build = |size: Size| {
+        let simpler = place.simpler(settings.up, size);
         let known = place.chain.whole.clone();
         let measured = || References::new(place.parts, place.parts, place.parts[0].frame(), settings).map(Arc::new);
         let references = &*known.map_or_else(measured, Ok)?;
-        Octahedral::build(place.parts, simpler, Size::default(), references, settings, progress)
+        Octahedral::build(place.parts, simpler, size, references, settings, progress)
     };
     match (last, cross, target) {
-        (Last::Octahedral, Some(_), _) => build().map(Some),
+        (Last::Octahedral, Some(_), _) => build(Size::default()).map(Some),
         (Last::Auto, Some(cross), Some(target)) => {
-            let (up, size) = (settings.up, Size::default());
+            let up = settings.up;
             let range = Range { smallest: crown(&cross.pictures, target), place, up };
-            let layout = Layout::around(place.parts, up, size);
             // At best it takes over where its texels are as large as pixels, and some time after the level before.
             let before = place.before_pictures.map_or(f64::INFINITY, |pictures| crown(pictures, target) / LEAST_STEP);
-            let largest = before.min(size.texels as f64);
+            let largest = before.min(Size::default().texels as f64);
+            let size = Size::for_crown(largest);
+            let layout = Layout::around(place.parts, up, size);
             if range.saving(largest, &layout)? < LEAST_SAVING {
                 return Ok(None);
             }
-            let built = build()?;
+            let built = build(size)?;
             let is_worth_it = range.saving(crown(&built.pictures, target).min(largest), &layout)? >= LEAST_SAVING;
             Ok(is_worth_it.then_some(built))
         }

@@ -182,9 +182,9 @@ impl<'a> Model<'a> {
         let tight = tighter * self.tight * more * choice.levels as f64;
         let (texel, sample) = self.bake;
         // Only the first level and the cross impostor render the leaves.
-        let ViewCounts { places, amounts, report, .. } = self.curve.settings.views;
+        let ViewCounts { amounts, report, .. } = self.curve.settings.views;
         let view = self.curve.rest.map_or(0.0, |rest| rest.view);
-        let first = STRETCHES * amounts as f64 + places as f64;
+        let first = STRETCHES * amounts as f64;
         let cross = if choice.cross { (amounts + report) as f64 } else { 0.0 };
         Stages {
             prepare: self.more_views * self.typical(&|p| p.seconds.prepare, &[]).exp()
@@ -335,9 +335,8 @@ fn texels(choice: &Choice) -> f64 {
 /// Returns the cost of the views relative to that of a quick sweep.
 fn more_views(views: ViewCounts) -> f64 {
     // Cost of a direction in each measurement: approximate number of renderings, times the samples of a picture.
-    let all = |ViewCounts { places, amounts, report, .. }: ViewCounts| {
-        6.0 * 36_864.0 * places as f64 + 9.0 * 36_864.0 * amounts as f64 + 262_144.0 * report as f64
-    };
+    let all =
+        |ViewCounts { amounts, report, .. }: ViewCounts| 26.0 * 36_864.0 * amounts as f64 + 262_144.0 * report as f64;
     all(views) / all(ViewCounts::QUICK)
 }
 

@@ -48,7 +48,7 @@ const LEAST_PIXELS: f64 = 0.5;
 const QUICK: f64 = 0.12;
 
 /// Most views of a quick bake.
-const FEWER: ViewCounts = ViewCounts { order: 8, places: 3, amounts: 8, report: 4, refine_engine_pages: false };
+const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
 
 /// Returns whether a bake with this target of level 1 is quick.
 #[must_use]
@@ -59,13 +59,11 @@ pub fn is_quick(target: f64) -> bool {
 /// Returns `settings` with the views of a quick bake.
 #[must_use]
 pub fn with_fewer_views(settings: &ChainSettings) -> ChainSettings {
-    let ViewCounts { order, places, amounts, report, refine_engine_pages: _ } = settings.views;
+    let ViewCounts { order, amounts, report } = settings.views;
     let views = ViewCounts {
         order: order.min(FEWER.order),
-        places: places.min(FEWER.places),
         amounts: amounts.min(FEWER.amounts),
         report: report.min(FEWER.report),
-        refine_engine_pages: FEWER.refine_engine_pages,
     };
     ChainSettings { views, ..settings.clone() }
 }

@@ -5,7 +5,7 @@
 //! bytes; the encoder's arithmetic may differ between machines.
 
 mod container;
-mod cut_out;
+mod strips;
 mod uastc;
 
 use thiserror::Error;
@@ -19,23 +19,6 @@ pub struct MipLevel<'a> {
     pub height: usize,
     /// All pixels.
     pub pixels: &'a [[u8; 4]],
-    /// Regions in which alpha is cut out: compression keeps each pixel on its side of the cutoff. If regions overlap, the last one applies.
-    pub cut_outs: &'a [CutOut],
-}
-
-/// A region of a level in which pixels with alpha of at least `code` are drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CutOut {
-    /// The first column.
-    pub x: usize,
-    /// The first row.
-    pub y: usize,
-    /// Columns; those beyond the level are ignored.
-    pub width: usize,
-    /// Rows; those beyond the level are ignored.
-    pub height: usize,
-    /// The least alpha that is drawn, at least 1.
-    pub code: u8,
 }
 
 /// Meaning of the pixel codes.
@@ -75,7 +58,7 @@ pub type GoesOn<'a> = dyn Fn() -> bool + Sync + 'a;
 /// `goes_on` returns false.
 pub fn encode(levels: &[MipLevel], codes: Codes, goes_on: &GoesOn) -> Result<Vec<u8>, Error> {
     check(levels)?;
-    let blocks = levels.iter().map(|level| cut_out::compress(level, codes, goes_on)).collect::<Result<Vec<_>, _>>()?;
+    let blocks = levels.iter().map(|level| strips::compress(level, codes, goes_on)).collect::<Result<Vec<_>, _>>()?;
     container::write(levels, &blocks, codes)
 }
 

@@ -1,17 +1,14 @@
-//! Conversion of pictures to UASTC blocks and back, by the reference encoder and transcoder.
+//! Conversion of pictures to UASTC blocks, by the reference encoder.
 //!
 //! The encoder's own thread pool sometimes hangs: it signals the stop without the lock that its threads wait with, so a thread may miss it,
 //! most likely on levels so small that the thread has hardly started. So each encoder uses one thread here.
 
-use basis_universal::{
-    BasisTextureFormat, ColorSpace, Compressor, CompressorParams, TranscodeParameters, Transcoder,
-    TranscoderTextureFormat,
-};
+use basis_universal::{BasisTextureFormat, ColorSpace, Compressor, CompressorParams};
 
 use crate::{Codes, Error};
 
 /// Bytes of a block of 4 × 4 pixels.
-pub const BLOCK: usize = 16;
+const BLOCK: usize = 16;
 
 /// A picture: rows from the top.
 #[derive(Clone, Copy, Debug)]
@@ -21,17 +18,11 @@ pub struct Picture<'a> {
     pub pixels: &'a [[u8; 4]],
 }
 
-/// A compressed picture: a .basis file.
-pub struct Compressed {
-    file: Vec<u8>,
-    blocks: usize,
-}
-
-/// Compresses a picture; each block is independent of its neighbors.
+/// Returns the blocks of a picture, rows from the top.
 ///
 /// # Errors
 /// The encoder fails.
-pub fn compress(picture: Picture, codes: Codes) -> Result<Compressed, Error> {
+pub fn compressed(picture: Picture, codes: Codes) -> Result<Vec<u8>, Error> {
     let mut params = CompressorParams::new();
     params.set_basis_format(BasisTextureFormat::UASTC4x4);
     params.set_generate_mipmaps(false);
@@ -54,31 +45,8 @@ pub fn compress(picture: Picture, codes: Codes) -> Result<Compressed, Error> {
     let done = unsafe { compressor.process() };
     done.map_err(|code| Error::Encoder(format!("{code:?}")))?;
     let blocks = picture.width.div_ceil(4) * picture.height.div_ceil(4);
-    Ok(Compressed { file: compressor.basis_file().to_vec(), blocks })
-}
-
-impl Compressed {
-    /// Returns the blocks, rows from the top.
-    ///
-    /// # Errors
-    /// The encoder's file does not match its header.
-    pub fn blocks(&self) -> Result<&[u8], Error> {
-        let blocks = only_slice(&self.file).filter(|blocks| blocks.len() == self.blocks * BLOCK);
-        blocks.ok_or_else(|| Error::Encoder("its file is cut short".to_owned()))
-    }
-
-    /// Returns the decoded pixels.
-    ///
-    /// # Errors
-    /// The encoder's file cannot be read.
-    pub fn seen(&self) -> Result<Vec<[u8; 4]>, Error> {
-        let unread = |what: &dyn std::fmt::Debug| Error::Encoder(format!("its file cannot be read: {what:?}"));
-        let mut transcoder = Transcoder::new();
-        transcoder.prepare_transcoding(&self.file).map_err(|error| unread(&error))?;
-        let format = TranscoderTextureFormat::RGBA32;
-        let pixels = transcoder.transcode_image_level(&self.file, format, TranscodeParameters::default());
-        Ok(pixels.map_err(|error| unread(&error))?.as_chunks().0.to_vec())
-    }
+    let found = only_slice(compressor.basis_file()).filter(|found| found.len() == blocks * BLOCK);
+    Ok(found.ok_or_else(|| Error::Encoder("its file is cut short".to_owned()))?.to_vec())
 }
 
 /// Returns the data of the first slice of a .basis file. Byte 65 of the file header holds the offset of the slice descriptions; a
@@ -101,7 +69,7 @@ mod tests {
     fn tiny_pictures_come_to_an_end() {
         let picture = Picture { width: 4, height: 4, pixels: &[[40, 120, 30, 255]; 16] };
         for _ in 0..3000 {
-            compress(picture, Codes::Srgb).unwrap();
+            compressed(picture, Codes::Srgb).unwrap();
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Encoded files, read back by an independent implementation: the transcoder of the crate `basisu`.
 
 use basisu::{DecodeFlags, Supercompression, TargetFormat, Transcoder};
-use leafcloud_ktx2::{Codes, CutOut, Error, MipLevel, encode};
+use leafcloud_ktx2::{Codes, Error, MipLevel, encode};
 
 /// A leaf-like picture: green discs of several shades on a transparent background.
 fn picture(side: usize) -> Vec<[u8; 4]> {
@@ -19,7 +19,7 @@ fn chain(side: usize) -> Vec<(usize, Vec<[u8; 4]>)> {
 }
 
 fn levels(chain: &[(usize, Vec<[u8; 4]>)]) -> Vec<MipLevel<'_>> {
-    chain.iter().map(|(side, pixels)| MipLevel { width: *side, height: *side, pixels, cut_outs: &[] }).collect()
+    chain.iter().map(|(side, pixels)| MipLevel { width: *side, height: *side, pixels }).collect()
 }
 
 #[test]
@@ -44,45 +44,6 @@ fn every_level_comes_back() {
             assert!(worst <= 24, "color of level {number} is off by {worst}");
         }
     }
-}
-
-/// Random pixels of all colors with alpha within two codes of the cutoff, 0 or 255: the worst case for a block.
-fn noise(side: usize, cutoff: u8) -> Vec<[u8; 4]> {
-    let pixel = |i: usize| {
-        let hash = (i as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        let [r, g, b, chance, ..] = (hash ^ (hash >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9).to_be_bytes();
-        [r, g, b, [cutoff - 2, cutoff - 1, cutoff, cutoff + 1, 255, 0][usize::from(chance) % 6]]
-    };
-    (0..side * side).map(pixel).collect()
-}
-
-fn alphas(file: &[u8]) -> Vec<u8> {
-    let back = Transcoder::new(file).unwrap().transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).unwrap();
-    back.into_iter().skip(3).step_by(4).collect()
-}
-
-#[test]
-fn cut_out_pixels_stay_cut_out() {
-    for (pixels, cutoff) in [(picture(128), 128), (noise(128, 26), 26), (noise(128, 128), 128), (noise(128, 230), 230)]
-    {
-        let cut_outs = [CutOut { x: 0, y: 0, width: 128, height: 128, code: cutoff }];
-        let level = MipLevel { width: 128, height: 128, pixels: &pixels, cut_outs: &cut_outs };
-        let shown = alphas(&encode(&[level], Codes::Srgb, &|| true).unwrap());
-        let changed = shown.iter().zip(&pixels).filter(|(shown, p)| (**shown >= cutoff) != (p[3] >= cutoff)).count();
-        assert_eq!(changed, 0, "of {} pixels, cut out at {cutoff}", pixels.len());
-    }
-}
-
-#[test]
-fn parts_of_a_picture_have_cutoffs_of_their_own() {
-    let (left, right) = (noise(64, 26), noise(64, 200));
-    let pixels: Vec<[u8; 4]> = left.chunks(64).zip(right.chunks(64)).flat_map(|(a, b)| [a, b].concat()).collect();
-    let half = |x: usize, code: u8| CutOut { x, y: 0, width: 64, height: 64, code };
-    let level = MipLevel { width: 128, height: 64, pixels: &pixels, cut_outs: &[half(0, 26), half(64, 200)] };
-    let shown = alphas(&encode(&[level], Codes::Srgb, &|| true).unwrap());
-    let cutoff = |i: usize| if i % 128 < 64 { 26 } else { 200 };
-    let changed = (0..pixels.len()).filter(|&i| (shown[i] >= cutoff(i)) != (pixels[i][3] >= cutoff(i)));
-    assert_eq!(changed.count(), 0);
 }
 
 #[test]
@@ -118,7 +79,7 @@ fn the_same_pictures_give_the_same_bytes() {
 #[test]
 fn anything_but_a_mip_chain_is_refused() {
     let (four, two) = (picture(4), picture(2));
-    let level = |width: usize, height: usize, pixels| MipLevel { width, height, pixels, cut_outs: &[] };
+    let level = |width: usize, height: usize, pixels| MipLevel { width, height, pixels };
     let message = |levels: &[MipLevel]| match encode(levels, Codes::Srgb, &|| true) {
         Err(Error::Levels(message)) => message,
         other => panic!("{other:?}"),

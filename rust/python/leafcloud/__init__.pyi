@@ -312,35 +312,23 @@ class Level:
     def leaf_id(self) -> NDArray[np.uint8] | None:
         """(h, w, 4) the leaf of ``leaf_uv``: its index modulo 65536 is red + 256 · green, its material's index is blue
         (255 for the trunk). ``None`` if not requested."""
-    def for_engines(self, halvings: int = 0) -> tuple[NDArray[np.uint8], float]:
-        """Return base color and alpha cutoff for engines, which make box-filtered mips of a PNG.
+    def mips(self, channel: str) -> list[NDArray[np.uint8]]:
+        """Return the mip levels (height, width, 4) of ``channel`` ("base_color", "normal" …), the page itself first, down
+        to one texel.
 
-        The sides of the page are halved ``halvings`` times, at most three times and as often as both are even: an
-        engine draws the level only where texels are smaller than pixels. The page of an alpha-blended level is the
-        whole ``base_color``. Else alpha is another than that of ``base_color``: on the polygons about the same area is
-        above the cutoff at mips 0 to 2 and, on most pages, at mip 3. Pictures on mips 0 to 2 correct that area toward
-        the coverage of the leaves, and the colors toward their mean color. Then pictures refine the
-        texels, except in a quick bake without ``refine``. Computed on the first call, in seconds."""
-    def halved(self, channel: str, halvings: int) -> NDArray[np.uint8]:
-        """Return the image (h, w, 4) of ``channel`` ("normal", "orm" …), as large as that of ``for_engines(halvings)``.
-
-        Normals keep the length 1, colors are averaged as light. Base color is that of ``for_engines``.
+        Alpha of ``base_color`` is a mean of 2 × 2 texels, bent so that the share of drawn texels at or above
+        ``alpha_cutoff`` stays that of the page (``alpha_pivots``); of an alpha-blended level it is the mean. Normals keep
+        the length 1, colors are averaged as light.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``)."""
-    def mips(self, halvings: int = 0) -> list[NDArray[np.uint8]]:
-        """Return the mip levels of the base color from the size of ``for_engines(halvings)`` down to one texel, the
-        largest first, each (height, width, 4).
+    def alpha_pivots(self) -> list[float]:
+        """Return for each mip level of ``base_color`` the mean alpha p that was bent to the cutoff c: a below p became
+        c · a / p, and a above it c + (1 − c) · (a − p) / (1 − p). On the page itself p is c. Empty if alpha is
+        blended."""
+    def ktx2(self, channel: str) -> bytes:
+        """Return the image of ``channel`` as a KTX2 file with the mip levels of ``mips(channel)``.
 
-        They are those of ``ktx2("base_color", halvings)`` before compression, for the alpha cutoff of
-        ``for_engines(halvings)``. Computed on the first call, in seconds."""
-    def ktx2(self, channel: str, halvings: int = 0) -> bytes:
-        """Return the image of ``channel`` ("base_color", "normal" …) as a KTX2 file with all mips.
-
-        The format is Basis Universal UASTC with Zstandard, as ``KHR_texture_basisu`` requires. The page is whole; its
-        base color is for the alpha cutoff of ``for_engines(halvings)``. In a quick bake without ``refine`` every
-        compressed mip keeps the fraction of each billboard's texels above the cutoff that the page has, within 1 % or
-        one texel, down to 8 × 8 texels of the page and 4 × 4 of the billboard. Otherwise mips are refined by pictures,
-        and each covers about as much as the leaves, alone and mixed with the next. The bytes are the same
+        The format is Basis Universal UASTC with Zstandard, as ``KHR_texture_basisu`` requires. The bytes are the same
         for the same page on one machine only.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``), and
@@ -889,7 +877,7 @@ def build_chain(
     ``min_visibility``: leaves of which less than this fraction is seen from outside are in no level (``Chain.kept``);
     0 keeps all. No effect with ``keep``. The cross impostor shows all leaves.
     ``texture_size``: columns of level 1's page, and rows unless ``texture_height`` is given. The page of level i has
-    1/2^(i−1) of that. ``None``: pages are as small as texels of 0.7 pixels, where the level takes over, allow, and
+    1/2^(i−1) of that. ``None``: pages are as small as texels of half a pixel, where the level takes over, allow, and
     level 1's has at most 2048 columns.
     ``trunk``: the trunk; only the cross impostor shows it.
     ``every_level``: False leaves a level out if it saves less than a tenth of the cost of drawing the level before it,

@@ -320,40 +320,20 @@ impl PyLevel {
         image_or_none(py, self.level().page.leaf_id.as_ref())
     }
 
-    #[pyo3(signature = (halvings=0))]
-    fn for_engines<'py>(&self, py: Python<'py>, halvings: usize) -> PyResult<(Bound<'py, PyArray3<u8>>, f32)> {
-        let level = self.clone();
-        interruptible(py, move |_| Ok(level.level().for_engines(halvings).1))?;
-        let (image, cutoff) = self.level().for_engines(halvings);
-        Ok((image_array(py, image)?, cutoff))
-    }
-
-    fn halved<'py>(&self, py: Python<'py>, channel: &str, halvings: usize) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        if channel == "base_color" {
-            return Ok(self.for_engines(py, halvings)?.0);
-        }
+    fn mips<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Vec<Bound<'py, PyArray3<u8>>>> {
         let (level, name) = (self.clone(), channel.to_owned());
-        let image = interruptible(py, move |_| {
-            level.level().halved(&name, halvings).ok_or_else(|| ktx2::no_mips(level.level(), &name))
-        })?;
-        image_array(py, &image)
+        let levels = interruptible(py, move |_| ktx2::mips(level.level(), &name))?;
+        levels.iter().map(|image| image_array(py, image)).collect()
     }
 
-    #[pyo3(signature = (halvings=0))]
-    fn mips<'py>(&self, py: Python<'py>, halvings: usize) -> PyResult<Vec<Bound<'py, PyArray3<u8>>>> {
+    fn alpha_pivots(&self, py: Python<'_>) -> PyResult<Vec<f32>> {
         let level = self.clone();
-        let levels = interruptible(py, move |_| {
-            let width = level.level().for_engines(halvings).0.width();
-            let levels = level.level().mips("base_color", halvings).unwrap_or_default().into_owned();
-            Ok(levels.into_iter().map(|mip| mip.image).skip_while(move |image| image.width() > width))
-        })?;
-        levels.map(|image| image_array(py, &image)).collect()
+        interruptible(py, move |_| Ok(level.level().alpha_pivots()))
     }
 
-    #[pyo3(signature = (channel, halvings=0))]
-    fn ktx2<'py>(&self, py: Python<'py>, channel: &str, halvings: usize) -> PyResult<Bound<'py, PyBytes>> {
+    fn ktx2<'py>(&self, py: Python<'py>, channel: &str) -> PyResult<Bound<'py, PyBytes>> {
         let (level, name) = (self.clone(), channel.to_owned());
-        let file = interruptible(py, move |progress| ktx2::file_of(level.level(), &name, halvings, progress));
+        let file = interruptible(py, move |progress| ktx2::file_of(level.level(), &name, progress));
         file.map(|file| PyBytes::new(py, &file))
     }
 

@@ -1,4 +1,4 @@
-//! Atlas pages and metrics: occupancy, speed, and coverage of mip levels. `make bench` prints tables in Markdown.
+//! Atlas pages and metrics: occupancy and speed. `make bench` prints tables in Markdown.
 
 #[path = "../bandwidth.rs"]
 mod bandwidth;
@@ -7,16 +7,15 @@ mod common;
 
 use std::time::Instant;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use leafcloud::atlas::{Atlas, AtlasSettings};
-use leafcloud::error::Result;
 use leafcloud::fit::fit;
-use leafcloud::foliage::{Foliage, Image, Opacity};
+use leafcloud::foliage::{Foliage, Opacity};
 use leafcloud::groups::Groups;
 use leafcloud::lod::{ChainSettings, settled_fit};
 use leafcloud::metrics::{Reference, Views};
 use leafcloud::outlines::outlines;
-use leafcloud::textures::{Channels, Drawn, EnginePage, Page, PagePart, Pictured, Samples, Sight, bake, mips, recut};
+use leafcloud::textures::{Channels, Drawn, Page, Samples, bake};
 use leafcloud::transition::Projection;
 use leafcloud::{Cloud, Progress, gltf};
 
@@ -75,43 +74,6 @@ impl Level {
     }
 }
 
-/// Pictures that correct nothing, so that the area is measured alone.
-struct AsLeaves;
-
-impl Pictured for AsLeaves {
-    fn sight(&self, _: usize, _: Image, _: f32) -> Result<Sight> {
-        Ok(Sight { coverage: 1.0, tone: Vec3::ONE })
-    }
-
-    fn error(&self, _: usize, _: &Image, _: f32) -> Result<Option<f64>> {
-        Ok(None)
-    }
-
-    fn refined(&self, _: usize, _: &Image, _: f32) -> Result<Option<Image>> {
-        Ok(None)
-    }
-}
-
-/// Returns, for each mip level, the area above the cutoff over that of level 0: of box-filtered mip levels, of box-filtered mip levels of
-/// the page for engines, and of the mip levels in KTX2.
-fn coverage(page: &Page, atlas: &Atlas) -> Vec<[f64; 3]> {
-    let parts = [PagePart::of(atlas, CUTOFF, 0)];
-    let EnginePage { image: engine, cutoffs } =
-        EnginePage::new(&page.base_color, &parts, 0, &AsLeaves).expect("no picture is drawn");
-    let at = [PagePart { alpha_cutoff: cutoffs[0], ..parts[0].clone() }];
-    let whole = mips::area(&page.base_color, CUTOFF);
-    let areas = |levels: mips::Levels, cutoff: f32| -> Vec<f64> {
-        levels.iter().map(|level| mips::area(level, cutoff) / whole).collect()
-    };
-    let plain = areas(mips::means(&page.base_color), CUTOFF);
-    let cascaded = areas(mips::means(&engine), cutoffs[0]);
-    let kept = areas(
-        mips::of_parts(&recut(&page.base_color, &parts, &cutoffs), &at, |_, mips| Ok(mips)).expect("nothing is drawn"),
-        cutoffs[0],
-    );
-    (0..plain.len()).map(|i| [plain[i], cascaded[i], kept[i]]).collect()
-}
-
 fn main() {
     let threads = rayon::current_num_threads();
     let copied = bandwidth::bandwidth();
@@ -127,7 +89,6 @@ fn main() {
     println!();
     println!("| tree | billboards | pack s | occupancy | covered | page s | samples, 10⁶/s | memory | metrics s |");
     println!("|---|---|---|---|---|---|---|---|---|");
-    let mut tables = Vec::new();
     for (name, path) in common::trees() {
         let level = Level::of(gltf::read(&path, &gltf::DEFAULT_NAMES).expect("a readable tree"));
         let channels = Channels { normal: Some(0.0), ..Channels::default() };
@@ -148,21 +109,5 @@ fn main() {
             alpha as f64 / 255.0 * 16.0 * 2.0 / seconds / 1e6,
             (2 * BYTES) as f64 * texels / seconds / copied * 100.0,
         );
-        tables.push((name, coverage(&page, &level.atlas)));
-    }
-    println!();
-    println!("## Mips");
-    println!();
-    println!(
-        "The area above a cutoff of ½, over that of level 0: box-filtered mip levels, as an engine makes them → box-filtered mip levels of \
-         the page for engines, at its own cutoff → the mip levels in KTX2."
-    );
-    println!();
-    println!("| tree | 2048² | 1024² | 512² | 256² | 128² | 64² |");
-    println!("|---|---|---|---|---|---|---|");
-    for (name, levels) in tables {
-        let cells: Vec<String> =
-            levels[..6].iter().map(|[plain, png, ktx2]| format!("{plain:.2} → {png:.2} → {ktx2:.2}")).collect();
-        println!("| {name} | {} |", cells.join(" | "));
     }
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use glam::{DVec2, DVec3};
 
 use super::billboards::{billboard_ranks, billboards};
-use super::leaf_pictures;
+use super::cut::CutOut;
 use super::level::{Level, Seconds, tightened};
 use super::references::References;
 use super::settings::ChainSettings;
@@ -71,8 +71,7 @@ pub(super) fn build(
     let (page, alpha_cutoff) = if settings.blended {
         (tune::blended(&atlas, &page, &frame, !two_sided, leaves)?, 0.0)
     } else {
-        let cutoff = tune::cutoff(&atlas, &page, &frame, !two_sided, leaves)?;
-        (page, cutoff)
+        CutOut { atlas: &atlas, frame: &frame, double_sided: !two_sided, leaves, mip: SEEN_MIP }.settled(page)?
     };
     progress.tell("tune", 0.9)?;
     let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
@@ -97,10 +96,7 @@ pub(super) fn build(
         max_deviation_leaves: farthest * frame.radius,
         coverage,
         pictures,
-        amounts: Arc::clone(&references.tuning),
-        refine_by: leaf_pictures(parts, &frame, settings, ENGINE_PICTURES, progress.part(0.9, 0.9))?,
         sharers: Arc::default(),
-        part: 0,
         atlas,
         page,
         seconds: Seconds {
@@ -111,19 +107,15 @@ pub(super) fn build(
             refine: 0.0,
         },
         channel_seconds,
-        engine: Arc::default(),
     };
     Ok((level, references))
 }
 
-/// Side of the pictures that refine the page for engines, in pixels: the cross impostor takes over at some 10 to 30.
-const ENGINE_PICTURES: usize = 64;
-
 /// Least number of texels along a pixel where the cross impostor takes over.
 const TEXELS_PER_PIXEL: f64 = 2.0;
 
-/// The first mip level of the page that is seen: with two texels along a pixel, the one behind the page itself.
-pub(super) const FIRST_SEEN: usize = 1;
+/// The mip level with texels of a pixel there.
+const SEEN_MIP: usize = 1;
 
 /// Returns the samples with which the page has as many in all as a page of the size `most`, within the limit for a texel. The leaves are
 /// the same on a smaller page, so each texel needs more samples.

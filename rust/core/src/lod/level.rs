@@ -4,27 +4,27 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::billboards::{billboard_ranks, billboards};
-use super::engine::{EnginePages, Sharer};
+use super::cut::{CutOut, mip_of};
 use super::references::References;
-use super::refine::{Arrangement, LeafPictures, Refined};
+use super::refine::{Arrangement, Refined};
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
 use super::tight::{Shown, with_polygons};
 use super::{drawn, tune};
 use glam::DVec3;
 
-use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize, Region};
+use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize};
 use crate::cloud::Cloud;
 use crate::error::Result;
 use crate::fit::{FitSettings, Named, fit_within};
 use crate::foliage::{Foliage, Opacity, source_texel};
 use crate::geometry::Frame;
-use crate::metrics::{Comparison, Reference};
+use crate::metrics::Comparison;
 use crate::outlines::outlines;
 use crate::polygons::{PolygonSettings, Scale};
 use crate::progress::Progress;
 use crate::textures::{ChannelSeconds, Channels, Page, Sky, bake_timed};
-use crate::transition::{HAND_OVER, Projection, leaf_pivots};
+use crate::transition::{Projection, leaf_pivots};
 
 /// Seconds for each stage of a level.
 #[derive(Clone, Copy, Debug, Default)]
@@ -91,14 +91,8 @@ pub struct Level {
     pub seconds: Seconds,
     /// Share of `seconds.bake` that each image took.
     pub channel_seconds: ChannelSeconds,
-    /// Renderings of the leaves for coverage and mean color.
-    pub(super) amounts: Arc<Reference>,
-    /// Pictures that refine its page for engines; `None` if it is not refined.
-    pub(super) refine_by: Option<Arc<LeafPictures>>,
-    /// All trees on a shared page, this one at the place `part`; empty for a page of one tree.
-    pub(super) sharers: Arc<[Sharer]>,
-    pub(super) part: usize,
-    pub(super) engine: Arc<EnginePages>,
+    /// Layout and cutoff of all trees on a shared page, this one among them; empty for a page of one tree.
+    pub(super) sharers: Arc<[(Atlas, f32)]>,
 }
 
 /// Inputs of a level.
@@ -127,13 +121,11 @@ pub(super) struct Step<'a> {
     pub sky: Option<&'a Sky>,
     /// Metrics renderers for the leaves.
     pub references: &'a References,
-    /// Pictures that refine pages for engines.
-    pub leaf_pictures: Option<&'a Arc<LeafPictures>>,
 }
 
-/// Greatest size of a texel in pixels, where a level takes over. Leaves are only some pixels large there, and texels of a pixel would blur
+/// Greatest size of a texel in pixels, where a level takes over: leaves are only some pixels large there, and coarser texels make lumps of
 /// them.
-const TEXEL_PIXELS: f64 = 0.7;
+const TEXEL_PIXELS: f64 = 0.5;
 
 /// Least size of a texel as a share of the size of a texel of the level before.
 const SOURCE_SHARE: f64 = 0.5;
@@ -245,20 +237,23 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     tuning(0.9)?;
     let projection = tune::grown(finer, &cloud, projection, &step.references.tuning)?;
     let ranks = billboard_ranks(&atlas, finer.frame(), settings.fit.seed)?;
+    let deviation = step.deviation + cloud.max_deviation();
     let (page, alpha_cutoff) = if settings.blended {
         (tune::blended(&atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?, 0.0)
     } else {
-        let collapsed = projection.at(finer, HAND_OVER)?;
-        let views = tune::views_of_places(settings.views.places, settings.up)?;
-        let before = Reference::new(&[&collapsed], finer.frame(), views)?;
-        let best = tune::cutoff(&atlas, &page, finer.frame(), !two_sided, &before)?;
-        tuning(0.92)?;
-        let cutoff = tune::matched(best, &atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?;
-        (page, cutoff)
+        let pixels_per_texel =
+            settings.pixels * atlas.texel() / (deviation / finer.frame().radius).max(f64::MIN_POSITIVE);
+        let cut_out = CutOut {
+            atlas: &atlas,
+            frame: finer.frame(),
+            double_sided: !two_sided,
+            leaves: &step.references.tuning,
+            mip: mip_of(pixels_per_texel),
+        };
+        cut_out.settled(page)?
     };
     tuning(0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
-    let deviation = step.deviation + cloud.max_deviation();
     let atlas = tightened(atlas, &page, alpha_cutoff, deviation / finer.frame().radius, step.triangles, settings);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let pictures = step.references.report.compare(&shown)?;
@@ -278,12 +273,9 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         max_deviation_leaves: deviation,
         coverage,
         pictures,
-        amounts: Arc::clone(&step.references.tuning),
-        refine_by: step.leaf_pictures.cloned(),
         cloud: Some(cloud),
         projection: Some(projection),
         sharers: Arc::default(),
-        part: 0,
         atlas,
         page,
         seconds: Seconds {
@@ -294,7 +286,6 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
             refine: arranging,
         },
         channel_seconds,
-        engine: Arc::default(),
     })
 }
 
@@ -311,8 +302,7 @@ pub(super) fn tightened(
     let pixels_per_texel = (settings.pixels * atlas.texel() / deviation.max(f64::MIN_POSITIVE)).min(1.0);
     let copies = if atlas.billboards.iter().any(|billboard| billboard.back) { 2 } else { 1 };
     let scale = Scale { pixels_per_unit: pixels_per_texel, copies };
-    let regions: Vec<Region> = atlas.regions().collect();
-    let shown = Shown::new(&page.base_color, alpha_cutoff, &regions);
+    let shown = Shown::new(&page.base_color, alpha_cutoff);
     with_polygons(atlas, &shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
 }
 
@@ -326,7 +316,7 @@ impl Level {
     /// Returns the level's share of the used area of its atlas page; 1 for a page of one tree.
     #[must_use]
     pub fn page_share(&self) -> f64 {
-        let all: usize = self.sharers.iter().map(Sharer::texels).sum();
+        let all: usize = self.sharers.iter().map(|(atlas, _)| atlas.texels()).sum();
         if all > 0 { self.atlas.texels() as f64 / all as f64 } else { 1.0 }
     }
 

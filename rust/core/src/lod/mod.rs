@@ -4,11 +4,12 @@
 mod billboards;
 mod budget;
 mod cross;
+mod cut;
 mod draft;
 mod drawn;
-mod engine;
 mod hidden;
 mod level;
+mod mips;
 pub mod octahedral;
 pub mod prune_trends;
 mod references;
@@ -22,7 +23,6 @@ mod worth;
 
 pub use billboards::billboards;
 pub use draft::{Draft, Drafts, settled_fit};
-pub use engine::Mip;
 pub use level::{Level, Seconds};
 pub use octahedral::Octahedral;
 pub use references::{References, report_pictures};
@@ -37,7 +37,6 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use self::refine::LeafPictures;
 use self::worth::{Before, Made};
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
@@ -160,7 +159,6 @@ pub fn build_chain_of(
     let shown = if keep.is_some() { foliage } else { whole };
     measuring.tell("measure", 0.0)?;
     let references = References::new(&[shown], &[whole], &frame, settings)?;
-    let leaf_pictures = leaf_pictures(&[shown], &frame, settings, ENGINE_PICTURES, measuring)?;
     let channels = settings.channels.completed();
     let trunk = trunk.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(shown).chain(&trunk).collect();
@@ -196,7 +194,6 @@ pub fn build_chain_of(
             channels: if of_leaves { channels } else { channels.of_billboards() },
             sky: sky.as_ref(),
             references: &references,
-            leaf_pictures: leaf_pictures.as_ref(),
         };
         let budgets = made.levels.last().map_or_else(
             || budget::of_first(settings, origin.finest, trunk.as_ref()),
@@ -239,23 +236,6 @@ pub fn build_chain_of(
         measuring_seconds: seconds,
         prepare_seconds,
     })
-}
-
-/// Side of the pictures that refine pages for engines, in pixels: about the greatest size at which level 1 is seen.
-const ENGINE_PICTURES: usize = 256;
-
-/// Returns pictures that refine pages for engines, if the settings ask for them. Alpha that is coverage needs none.
-fn leaf_pictures(
-    parts: &[&Foliage],
-    frame: &Frame,
-    settings: &ChainSettings,
-    size: usize,
-    progress: Progress,
-) -> Result<Option<Arc<LeafPictures>>> {
-    let wanted = settings.views.refine_engine_pages || settings.refine != Refinement::Off;
-    (wanted && !settings.blended)
-        .then(|| LeafPictures::of(parts, frame, settings.up, size, progress).map(Arc::new))
-        .transpose()
 }
 
 /// The pruning order of the leaves, and how pruned leaves grow and change their colors.

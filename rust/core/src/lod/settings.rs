@@ -22,30 +22,26 @@ const BILLBOARDS_STEP: usize = 4;
 pub struct ViewCounts {
     /// Visible share of each leaf, for the pruning order. With 0, position and chance alone decide the order.
     pub order: usize,
-    /// Overlap with the leaves, for the alpha cutoff.
-    pub places: usize,
-    /// Coverage and mean color, for the stretch limit, the alpha cutoff and the tone.
+    /// Coverage and mean color, for the stretch limit, alpha and the tone.
     pub amounts: usize,
     /// Reported metrics.
     pub report: usize,
-    /// Whether pages for engines are refined by pictures, too.
-    pub refine_engine_pages: bool,
 }
 
 impl ViewCounts {
     /// The fewest views that still tell settings apart. The figures are off by a few percent.
-    pub const QUICK: Self = Self { order: 0, places: 1, amounts: 1, report: 2, refine_engine_pages: false };
+    pub const QUICK: Self = Self { order: 0, amounts: 1, report: 2 };
 
     fn check(self) -> Result<()> {
-        let Self { order, places, amounts, report, refine_engine_pages: _ } = self;
-        let counts = [("order", order.max(1)), ("places", places), ("amounts", amounts), ("report", report)];
+        let Self { order, amounts, report } = self;
+        let counts = [("order", order.max(1)), ("amounts", amounts), ("report", report)];
         counts.into_iter().try_for_each(|(name, count)| limits::VIEW_COUNT.check(name, count as f64))
     }
 }
 
 impl Default for ViewCounts {
     fn default() -> Self {
-        Self { order: 16, places: 6, amounts: 16, report: 8, refine_engine_pages: true }
+        Self { order: 16, amounts: 16, report: 8 }
     }
 }
 
@@ -75,7 +71,7 @@ pub struct ChainSettings {
     pub min_visibility: f64,
     /// Largest atlas page of level 1, halved from level to level.
     pub texture_size: PageSize,
-    /// Makes pages as small as their texels allow: a texel is at most 0.7 pixels where its level takes over. The page of the cross impostor
+    /// Makes pages as small as their texels allow: a texel is at most half a pixel where its level takes over. The page of the cross impostor
     /// is always made that small.
     pub fitting_pages: bool,
     /// Sub-samples for baking the textures.

@@ -2,11 +2,9 @@
 //!
 //! Regions are copied with their gutters, texel by texel and unrotated, onto the smallest page that holds them. Nothing is drawn or
 //! filtered again. Each level keeps its own alpha cutoff: a common cutoff would change filtered alpha, and with it the density of a crown.
-//! The page for engines is made again, because regions share other texels on its mip levels.
 
 use std::sync::Arc;
 
-use super::engine::Sharer;
 use super::level::Level;
 use crate::atlas::{Atlas, Billboard, PageSize, Region, tightest};
 use crate::error::{Error, Result};
@@ -48,18 +46,15 @@ pub fn share_page(levels: &[&Level]) -> Result<Vec<Level>> {
         billboards: moved_billboards(&level.atlas, moves),
     };
     let atlases: Vec<Atlas> = levels.iter().zip(&moves).map(moved).collect();
-    let sharer = |(level, atlas): (&&Level, &Atlas)| Sharer::of(level, atlas);
-    let sharers: Arc<[Sharer]> = levels.iter().zip(&atlases).map(sharer).collect();
-    let engine = Arc::default();
-    let placed = |(part, (level, atlas)): (usize, (&&Level, Atlas))| Level {
+    let sharer = |(level, atlas): (&&Level, &Atlas)| (atlas.clone(), level.alpha_cutoff);
+    let sharers: Arc<[(Atlas, f32)]> = levels.iter().zip(&atlases).map(sharer).collect();
+    let placed = |(level, atlas): (&&Level, Atlas)| Level {
         atlas,
         page: page.clone(),
         sharers: Arc::clone(&sharers),
-        part,
-        engine: Arc::clone(&engine),
         ..(*level).clone()
     };
-    Ok(levels.iter().zip(atlases).enumerate().map(placed).collect())
+    Ok(levels.iter().zip(atlases).map(placed).collect())
 }
 
 fn check_channels(levels: &[&Level]) -> Result<()> {
@@ -91,8 +86,7 @@ fn check_alpha(levels: &[&Level]) -> Result<()> {
 /// Longest side of an atlas page, in texels.
 const LARGEST: usize = 16_384;
 
-/// The sides of a page are multiples of this, so that its first six mip levels are means of 2 × 2 texels: pages for engines are halved, and
-/// keep the coverage on some levels behind that.
+/// The sides of a page are multiples of this, so that its first six mip levels are means of 2 × 2 texels.
 const BLOCK: usize = 64;
 
 /// A region with its gutters, and the upper left corner of its new place.

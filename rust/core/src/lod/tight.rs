@@ -6,14 +6,17 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::atlas::{Atlas, Billboard, Region};
+use crate::atlas::{Atlas, Billboard};
 use crate::foliage::Image;
 use crate::polygons::{Cells, Polygon, PolygonSettings, tight};
-use crate::textures::mips::{self, first_of_color};
+use crate::textures::mips;
 
 /// Mip levels after the page itself that the polygons hold. Texels are a pixel at most where a level takes over, and the next level
 /// takes over at some 3.5 times that distance.
 const MIPS: usize = 3;
+
+/// Alpha that counts on the page itself, where the cutoff is larger: renderers that draw alpha as a share show less than the cutoff, too.
+const OF_SHARES: f32 = 0.25;
 
 /// Alpha codes below this are not drawn on blended billboards.
 const FAINTEST: f32 = 2.0;
@@ -62,7 +65,7 @@ impl AlphaLevel {
     }
 }
 
-/// An atlas page as renderers draw it: in Blender without mip levels, in engines with mip levels that keep coverage.
+/// An atlas page as renderers draw it: in Blender without mip levels, in engines with box-filtered ones.
 pub(super) struct Shown {
     page: AlphaLevel,
     mips: Vec<AlphaLevel>,
@@ -70,16 +73,12 @@ pub(super) struct Shown {
 
 impl Shown {
     /// `page` is cut out at `cutoff`; 0 means alpha blended.
-    pub fn new(page: &Image, cutoff: f32, regions: &[Region]) -> Self {
-        let levels = match cutoff {
-            0.0 => mips::means(page),
-            _ => first_of_color(page, regions, cutoff, MIPS),
-        };
+    pub fn new(page: &Image, cutoff: f32) -> Self {
         let level =
-            |(number, mip): (u32, &Image)| AlphaLevel::new(mip.alpha(), mip.width(), f64::from(1 << number), cutoff);
+            |(number, mip): (u32, Image)| AlphaLevel::new(mip.alpha(), mip.width(), f64::from(1 << number), cutoff);
         Self {
-            page: AlphaLevel::new(page.alpha(), page.width(), 1.0, cutoff),
-            mips: (0..).zip(&levels).skip(1).take(MIPS).map(level).collect(),
+            page: AlphaLevel::new(page.alpha(), page.width(), 1.0, cutoff.min(OF_SHARES)),
+            mips: (0..).zip(mips::means(page)).skip(1).take(MIPS).map(level).collect(),
         }
     }
 

@@ -1,10 +1,8 @@
-//! Tuning of a level from renderings: the stretch limit, and the alpha cutoff, or alpha itself if nothing is cut out.
+//! Tuning of a level from renderings: the stretch limit, the mean color, and alpha if nothing is cut out. [`super::cut`] has the alpha cutoff.
 //!
-//! Projection loses coverage, overlap hides the loss, and filtering spreads lacy leaves over their texels. All three differ from plant to
-//! plant, so theory gives no right value. Each setting keeps one quantity, measured in a few small views, which differ from the reported
-//! ones. Stretch and growth keep the coverage of the leaves after they collapse onto their planes. The alpha cutoff keeps the covered
-//! pixels at the hand-over from the collapsed leaves to the billboards; then it moves until the billboards cover as much as the leaves. All
-//! figures are exact on any machine.
+//! Projection loses coverage, and overlap hides the loss, differently from plant to plant, so theory gives no right value. Stretch and growth keep
+//! the coverage of the leaves after they collapse onto their planes. Each setting keeps one quantity, measured in a few small views, which differ from the
+//! reported ones. All figures are exact on any machine.
 
 use glam::{DVec3, Vec3};
 
@@ -14,48 +12,29 @@ use crate::cloud::Cloud;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image, Material};
 use crate::geometry::Frame;
-use crate::metrics::{Agreement, Reference, Views};
+use crate::metrics::{Reference, Views};
 use crate::textures::{Page, Samples};
 use crate::transition::{HAND_OVER, Projection};
-
-/// Coverage of refined mip levels in files for engines, relative to the leaves. Engines draw leaf meshes with mip
-/// levels and one sample a pixel, and these cover some percent more than the leaves with many samples: this is between both.
-pub const MIP_COVERAGE: f64 = 1.02;
-
-/// Greatest error of its logarithm.
-pub const MIP_COVERAGE_ERROR: f64 = 0.01;
 
 /// Candidate stretch limits.
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
+/// Loss of coverage below which collapsed leaves do not grow: nobody sees it.
+const LEAST_LOSS: f64 = 0.02;
+
 /// Candidate factors on the lengths of collapsed leaves.
 const GROWTHS: [f64; 6] = [1.0, 1.025, 1.05, 1.1, 1.15, 1.2];
 
-/// Candidate cutoffs, and the cutoff at which the search begins if any texel reaches it.
-const CUTOFFS: [f32; 13] = [0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6];
-const FIRST: f32 = 0.5;
-
-/// Range of cutoffs when keeping coverage. Below it, the blurred surroundings of a leaf count as leaf; above it, only the leaf's middle
+/// Range of cutoffs of the octahedral impostor. Below it, the blurred surroundings of a leaf count as leaf; above it, only the leaf's middle
 /// does.
 pub const CUTOFF_RANGE: (f64, f64) = (0.03, 0.9);
 
 /// Range of factors that make blended billboards thinner or thicker when keeping coverage.
 pub const CLEARNESS_RANGE: (f64, f64) = (0.5, 2.0);
 
-/// Coverage below which the search for a cutoff starts lower.
-const MOSTLY_LOST: f64 = 0.5;
-
-/// Weight of a coverage difference against a loss of overlap when choosing a cutoff: 5 % denser is as bad as 1 % less overlap.
-const COVERAGE_WEIGHT: f64 = 0.2;
-
 /// Turn of the tuning views. Tuning uses other cameras than the report (turn ½) and `make bench-fidelity` (turn 0), so settings are never scored
 /// on the views they were tuned for.
 const TURN: f64 = 0.25;
-
-/// Returns the views for measuring overlap: few and large.
-pub fn views_of_places(count: usize, up: DVec3) -> Result<Views> {
-    Ok(Views { count, size: 96, samples: Samples::new(2)?, up, turn: TURN })
-}
 
 /// Returns the views for measuring coverage and color: small pictures from many sides. From single sides, a level of a fir covers 10 % more
 /// or less than on average.
@@ -69,13 +48,13 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<
     closest(&STRETCHES, |limit| Projection::new(finer, cloud, limit), finer, leaves)
 }
 
-/// Returns the projection with leaves that grow as they collapse, if they lose coverage even with the best stretch: more than the mip levels of
-/// engines make up for ([`MIP_COVERAGE`]).
+/// Returns the projection with leaves that grow as they collapse, if they lose coverage even with the best stretch: by more than
+/// [`LEAST_LOSS`].
 ///
-/// Only leaves in motion grow, not those in the textures: billboards keep the coverage by their cutoff, and on coarse pages grown leaves
+/// Only leaves in motion grow, not those in the textures: billboards keep the coverage by their alpha, and on coarse pages grown leaves
 /// would close the gaps between leaves.
 pub fn grown(finer: &Foliage, cloud: &Cloud, projection: Projection, leaves: &Reference) -> Result<Projection> {
-    if leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage * MIP_COVERAGE >= 1.0 {
+    if leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage >= 1.0 - LEAST_LOSS {
         return Ok(projection);
     }
     let (_, grown) = closest(&GROWTHS, |factor| projection.grown(finer, cloud, factor), finer, leaves)?;
@@ -104,66 +83,12 @@ fn closest(
     Ok(best.expect("the first candidate is always a choice").1)
 }
 
-/// Returns the alpha cutoff at which the billboards match `before`, the collapsed leaves, best.
-///
-/// The search begins at ½, or lower if most of the coverage would be lost there, and moves along [`CUTOFFS`] while the cost falls. Coverage
-/// falls as the cutoff rises, so the cost has one minimum. If no texel reaches the lowest candidate, the cutoff is half of the greatest
-/// alpha.
-///
-/// # Errors
-/// No texel of the page shows anything.
-pub fn cutoff(atlas: &Atlas, page: &Page, frame: &Frame, double_sided: bool, before: &Reference) -> Result<f32> {
-    let agreement_at =
-        |index: usize| before.agreement(&billboards(atlas, frame, page.material(CUTOFFS[index], double_sided))?);
-    let cost = |agreement: &Agreement| {
-        1.0 - agreement.overlap + COVERAGE_WEIGHT * (1.0 - agreement.coverage.min(1.0 / agreement.coverage))
-    };
-    let cost_of = |index: usize| agreement_at(index).map(|agreement| cost(&agreement));
-    let most = greatest_alpha(&page.base_color)?;
-    let Some(mut first) = CUTOFFS.iter().rposition(|&c| c <= most.min(FIRST)) else { return Ok(most / 2.0) };
-    let mut agreement = agreement_at(first)?;
-    while first > 0 && agreement.coverage < MOSTLY_LOST {
-        first -= 1;
-        agreement = agreement_at(first)?;
-    }
-    let (mut best, mut least) = (first, cost(&agreement));
-    for direction in [-1isize, 1] {
-        while let Some(next) = best.checked_add_signed(direction).filter(|&i| i < CUTOFFS.len()) {
-            let cost = cost_of(next)?;
-            if cost >= least {
-                break;
-            }
-            (best, least) = (next, cost);
-        }
-        if best != first {
-            break;
-        }
-    }
-    Ok(CUTOFFS[best])
-}
-
 /// Greatest error of ln coverage against the leaves.
 pub const COVERAGE_ERROR: f64 = 0.0025;
 
 /// First guess for the change of ln coverage with the cutoff, which secants correct; most steps of the search.
 const SLOPE: f64 = -0.4;
 const MOVES: usize = 12;
-
-/// Returns the cutoff, found from `cutoff` on, with which the billboards cover as much as the leaves, or the closest found.
-///
-/// # Errors
-/// No billboard has an area.
-pub fn matched(
-    cutoff: f32,
-    atlas: &Atlas,
-    page: &Page,
-    frame: &Frame,
-    double_sided: bool,
-    leaves: &Reference,
-) -> Result<f32> {
-    let excess = |cutoff: f64| excess(leaves, atlas, frame, page.material(cutoff as f32, double_sided));
-    Ok(least_excess(f64::from(cutoff), CUTOFF_RANGE, COVERAGE_ERROR, excess)? as f32)
-}
 
 /// Returns the page of blended billboards with alpha changed so that they cover as much as the leaves. Light passes the page as if it were
 /// thinner or thicker.
@@ -234,11 +159,6 @@ pub fn page(
     let page = page.settled(cutoff);
     let tone = leaves.tone(&billboards(atlas, frame, page.material(cutoff, double_sided))?)?;
     Ok(page.toned(tone.clamp(Vec3::splat(TONES.0), Vec3::splat(TONES.1))))
-}
-
-fn greatest_alpha(page: &Image) -> Result<f32> {
-    let most = page.pixels().iter().map(|p| p[3]).max().unwrap_or(0);
-    if most > 0 { Ok(f32::from(most) / 255.0) } else { Err(nothing_shows(page)) }
 }
 
 /// Least coverage of a level, as a share of the leaves' coverage.

@@ -3,7 +3,6 @@
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::halves::halved;
 use super::raster::Canvas;
 use crate::color::{decode_table, encode, quantise};
 use crate::foliage::Image;
@@ -33,17 +32,6 @@ impl LightGrid {
         Image::new(self.0.width, self.0.height, pixels).expect("as many texels as before")
     }
 
-    /// Returns the image.
-    pub fn to_image(&self) -> Image {
-        self.image(|_, texel| texel.w)
-    }
-
-    /// Returns this level and its box-filtered mip levels, `most` in all, down to one texel.
-    pub fn levels(self, most: usize) -> impl Iterator<Item = Self> {
-        let next = |level: &Self| (level.0.width.max(level.0.height) > 1).then(|| Self(halved(&level.0)));
-        std::iter::successors(Some(self), next).take(most)
-    }
-
     /// Returns the index of the texel at a point, given by its texture coordinates.
     pub fn nearest(&self, point: &Vec4) -> u32 {
         let Canvas { width, height, .. } = self.0;
@@ -57,18 +45,6 @@ impl LightGrid {
         if point.w == 0.0 { Vec4::ZERO } else { self.at(point.x, 1.0 - point.y).truncate().extend(1.0) }
     }
 
-    /// Returns the image halfway between this mip level and the next coarser one, as trilinear filters see it.
-    pub fn halfway(&self, coarser: &Self) -> Image {
-        let Canvas { width, height, pixels } = &self.0;
-        let mean = |(index, texel): (usize, &Vec4)| {
-            let (column, row) = (index % width, index / width);
-            let there = coarser.at((column as f32 + 0.5) / *width as f32, (row as f32 + 0.5) / *height as f32);
-            0.5 * (*texel + there)
-        };
-        let pixels = pixels.par_iter().enumerate().map(mean).collect();
-        Self(Canvas { width: *width, height: *height, pixels }).to_image()
-    }
-
     /// Returns the bilinearly filtered texel at a place: its distances from the left and the upper side, relative to the sides of the image.
     fn at(&self, right: f32, down: f32) -> Vec4 {
         let Canvas { width, height, pixels } = &self.0;
@@ -79,26 +55,5 @@ impl LightGrid {
         let texel = |column: usize, row: usize| pixels[row * width + column];
         let across = |row: usize| texel(left, row).lerp(texel(right, row), x - left as f32);
         across(top).lerp(across(bottom), y - top as f32)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_image_between_two_mip_levels_has_the_mean_of_both() {
-        let gray = |[code, alpha]: [u8; 2]| [code, code, code, alpha];
-        let fine: Vec<[u8; 4]> = (0..4 * 4).map(|i| gray([if i % 4 < 2 { 0 } else { 255 }, 200])).collect();
-        let fine = LightGrid::of(&Image::new(4, 4, fine).unwrap());
-        let coarse = Image::new(2, 2, [[0, 100], [255, 0], [0, 100], [255, 0]].map(gray).to_vec()).unwrap();
-        let found = fine.halfway(&LightGrid::of(&coarse));
-        // Centers of the four columns lie at 0, 1/4, 3/4 and 1 of the way from one coarse column to the other.
-        let alpha: Vec<u8> = found.pixels()[..4].iter().map(|pixel| pixel[3]).collect();
-        assert_eq!(alpha, [150, 138, 113, 100]);
-        let light: Vec<f32> = found.pixels()[..4].iter().map(|&pixel| light(pixel).x).collect();
-        for (found, wanted) in light.into_iter().zip([0.0, 0.125, 0.875, 1.0]) {
-            assert!((found - wanted).abs() < 0.005, "{found} in place of {wanted}");
-        }
     }
 }

@@ -1,24 +1,19 @@
 //! Texture baking: renders each billboard's leaves into the atlas page of a level.
 
 pub mod animation;
-mod cascade;
+mod bend;
 mod channels;
 mod dilate;
-mod engine_page;
-mod few;
 mod halves;
 pub mod image;
 mod labels;
 mod light_grid;
 pub mod mips;
-mod on_polygons;
 mod page;
 mod palette;
 mod parts;
 mod raster;
-mod recut;
 mod samples;
-mod shrunk;
 mod sky;
 pub(crate) mod tone;
 
@@ -27,20 +22,17 @@ use std::time::Instant;
 use glam::{DVec3, Mat3};
 use rayon::prelude::*;
 
+pub(crate) use bend::bent;
 pub use channels::Channel;
 pub(crate) use dilate::{fill_gaps, fill_transparent};
-pub use engine_page::{EnginePage, Pictured, Sight};
 pub(crate) use light_grid::{LightGrid, light};
 pub use page::{Channels, Page};
-pub use parts::{PagePart, cut_outs};
+pub use parts::PagePart;
 pub(crate) use raster::rasterise_timed;
 pub use raster::{
     Canvas, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_seen, rasterise, seen_among,
 };
-pub(crate) use recut::bent;
-pub use recut::recut;
 pub use samples::Samples;
-pub(crate) use shrunk::shrunk;
 pub(crate) use sky::Shadow;
 #[cfg(test)]
 pub(crate) use sky::tests::tiers;

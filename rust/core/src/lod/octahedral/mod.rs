@@ -29,6 +29,9 @@ use crate::metrics::{Comparison, Reference, View};
 use crate::progress::Progress;
 use crate::textures::Page;
 
+/// Least number of texels along each side of a view.
+const LEAST_TEXELS: usize = 16;
+
 /// Number and size of the views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
@@ -39,16 +42,23 @@ pub struct Size {
 }
 
 impl Default for Size {
-    /// A page of 1024 × 1024 texels.
+    /// A page of 1024 × 1024 texels, for trees of up to 64 pixels.
     fn default() -> Self {
         Self { grid: 16, texels: 64 }
     }
 }
 
 impl Size {
+    /// Returns the size for a tree that is at most so many pixels large: about a texel a pixel.
+    #[must_use]
+    pub fn for_crown(pixels: f64) -> Self {
+        let Self { grid, texels } = Self::default();
+        Self { grid, texels: (pixels.ceil() as usize).next_power_of_two().clamp(LEAST_TEXELS, texels) }
+    }
+
     fn check(self) -> Result<()> {
         let Self { grid, texels } = self;
-        if (4..=32).contains(&grid) && (16..=512).contains(&texels) {
+        if (4..=32).contains(&grid) && (LEAST_TEXELS..=512).contains(&texels) {
             return Ok(());
         }
         Err(Error::invalid(format!(

@@ -8,13 +8,11 @@ use rayon::prelude::*;
 
 use super::gain::Errors;
 use super::picture::over_gray;
-use super::{TEST_TURN, TEST_VIEWS, turn_of};
 use crate::error::Result;
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
-use crate::metrics::{View, Views, coverage, render, silhouette};
-use crate::progress::Progress;
-use crate::textures::{Samples, light, mips, shrunk};
+use crate::metrics::{View, Views, render};
+use crate::textures::{Samples, light, mips};
 
 /// Side of the smallest pictures that decide on a level, in pixels.
 const SMALLEST: usize = 32;
@@ -28,69 +26,10 @@ pub struct LeafViews {
     leaves: Vec<Vec<Image>>,
 }
 
-/// Pictures of a tree by which its pages for engines are refined.
-#[derive(Clone, Debug)]
-pub struct LeafPictures {
-    /// In the views of the steps.
-    pub steps: Vec<LeafView>,
-    /// In test views.
-    pub tests: Vec<LeafView>,
-}
-
-/// Number of turns for steps, and of views in each turn.
-const STEP_VIEWS: (usize, usize) = (6, 4);
-
-impl LeafPictures {
-    /// Draws the parts of the tree.
-    ///
-    /// # Errors
-    /// [`crate::Error::Cancelled`].
-    pub fn of(parts: &[&Foliage], around: &Frame, up: DVec3, size: usize, progress: Progress) -> Result<Self> {
-        // One after the other: the triangles of large trees take as much memory as all pictures.
-        let pictures = |views: Vec<View>| {
-            let picture = |view| {
-                progress.tell("measure", 0.0)?;
-                Ok((view, render(parts, &view)?))
-            };
-            views.into_iter().map(picture).collect::<Result<Vec<_>>>()
-        };
-        let of_turn = |step: usize| views(around, up, size, (STEP_VIEWS.1, turn_of(step)));
-        let steps = (0..STEP_VIEWS.0).map(of_turn).collect::<Result<Vec<_>>>()?.concat();
-        Ok(Self { steps: pictures(steps)?, tests: pictures(views(around, up, size, (TEST_VIEWS, TEST_TURN))?)? })
-    }
-}
-
 /// Returns `count` views; `turn` rotates them.
 pub fn views(around: &Frame, up: DVec3, size: usize, (count, turn): (usize, f64)) -> Result<Vec<View>> {
     let views = Views { count, size, samples: Samples::new(3)?.unfiltered(), up, turn };
     Ok(views.around(around).collect())
-}
-
-/// Returns the views with smaller pictures.
-pub fn of_size(pictures: &[LeafView], size: usize) -> Vec<LeafView> {
-    pictures.iter().map(|(view, picture)| (View { size, ..*view }, shrunk(picture, size, size))).collect()
-}
-
-/// What test views tell of a level.
-pub struct Look {
-    pub error: f64,
-    pub coverage: f64,
-}
-
-impl Look {
-    /// Returns the error of a level and its coverage relative to the leaves.
-    pub fn at(level: &Foliage, tests: &[LeafView]) -> Result<Self> {
-        let shown = tests.par_iter().map(|(view, _)| render(&[level], view)).collect::<Result<Vec<_>>>()?;
-        let pairs = || tests.iter().map(|(_, leaves)| leaves).zip(&shown);
-        let errors = pairs().map(|(leaves, level)| error(leaves, level, Vec3::ONE));
-        Ok(Self { error: errors.sum::<f64>() / shown.len() as f64, coverage: coverage(pairs()) })
-    }
-}
-
-/// Returns the coverage of a level relative to the leaves, as [`Look::at`] does, without colors, which take most of the time.
-pub fn coverage_in(tests: &[LeafView], level: &Foliage) -> Result<f64> {
-    let shown = tests.par_iter().map(|(view, _)| silhouette(&[level], view)).collect::<Result<Vec<_>>>()?;
-    Ok(coverage(tests.iter().map(|(_, leaves)| leaves).zip(&shown)))
 }
 
 /// Draws the leaves.

@@ -26,7 +26,6 @@ mod credit;
 mod gain;
 mod leaf_views;
 mod of_level;
-mod on_mips;
 mod pairs;
 mod parts;
 mod picture;
@@ -45,7 +44,7 @@ use self::picture::Target;
 pub(super) use self::planes::Arrangement;
 use self::texels::{Rates, Texels};
 use super::billboards::billboards;
-use super::tune;
+use super::cut::CutOut;
 use crate::atlas::Atlas;
 use crate::error::Result;
 use crate::fit::Named;
@@ -55,9 +54,7 @@ use crate::metrics::{PICTURE_RADIUS, Reference};
 use crate::progress::Progress;
 use crate::textures::Page;
 
-pub(super) use leaf_views::LeafPictures;
 pub(super) use of_level::refined;
-pub(super) use on_mips::OnMips;
 
 /// Effort of the refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -143,6 +140,8 @@ pub struct Subject<'a> {
     pub double_sided: bool,
     /// Up direction.
     pub up: DVec3,
+    /// The mip level with texels of about a pixel where the level takes over.
+    pub mip: usize,
 }
 
 /// A page after refinement.
@@ -213,7 +212,7 @@ impl Subject<'_> {
             let seen = drawn(self.leaves, views(each, turn_of(step))?)?;
             texels.move_by(&self.credits(page, &texels, cutoff, &seen)?, Rates::of_step(step));
             if (step + 1) % steps == 0 {
-                let (page, cutoff) = self.balanced(page, &mut texels, cutoff)?;
+                let (page, cutoff) = self.balanced(page, &mut texels)?;
                 let gain = Gain::over(&first, &tests.errors(&self.shown(&page, cutoff)?, Vec3::ONE)?);
                 if gain.is_better_than(&best.2) {
                     best = (page, cutoff, gain);
@@ -226,10 +225,11 @@ impl Subject<'_> {
     }
 
     /// Returns a page with the texels and its cutoff, both with the coverage and the mean color of the leaves.
-    fn balanced(&self, page: &Page, texels: &mut Texels, cutoff: f32) -> Result<(Page, f32)> {
+    fn balanced(&self, page: &Page, texels: &mut Texels) -> Result<(Page, f32)> {
         let with = |texels: &Texels| Page { base_color: texels.page(), ..page.clone() };
         let moved = with(texels);
-        let cutoff = tune::matched(cutoff, self.atlas, &moved, self.frame, self.double_sided, self.amounts)?;
+        let Self { atlas, frame, double_sided, amounts: leaves, .. } = *self;
+        let cutoff = CutOut { atlas, frame, double_sided, leaves, mip: self.mip }.cutoff(&moved)?;
         texels.scale(self.amounts.tone(&self.shown(&moved, cutoff)?)?);
         Ok((with(texels), cutoff))
     }

@@ -5,6 +5,7 @@ use std::time::Instant;
 use super::{BAND, RefinedPage, Refinement, Subject};
 use crate::error::Result;
 use crate::lod::billboards::billboards;
+use crate::lod::cut::mip_of;
 use crate::lod::level::{Level, Step, tightened};
 use crate::lod::settings::ChainSettings;
 use crate::lod::tune;
@@ -32,6 +33,7 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
         frame: &level.frame,
         double_sided: !level.two_sided,
         up: settings.up,
+        mip: mip_of(settings.pixels * whole.texel() * level.frame.radius / level.max_deviation_leaves),
     };
     let made = subject.refined(&level.page, level.alpha_cutoff, settings.refine, progress)?;
     let RefinedPage { page, cutoff: alpha_cutoff, refined } = made;

@@ -3,15 +3,14 @@ use std::sync::LazyLock;
 use glam::{DVec3, Vec2, Vec4};
 
 use super::credit::Credit;
-use super::leaf_views::of_size;
 use super::*;
 use crate::Error;
 use crate::atlas::Region;
 use crate::fit::FitSettings;
 use crate::foliage::{Attributes, Image, Material};
-use crate::lod::{ChainSettings, Level, ViewCounts, build_chain};
+use crate::lod::{ChainSettings, Level, build_chain};
 use crate::metrics::{Comparison, Views};
-use crate::textures::{LightGrid, Samples};
+use crate::textures::Samples;
 
 /// Cards in a ball, each with a round leaf of another green on a transparent ground.
 pub fn bush(count: u32) -> Foliage {
@@ -132,7 +131,6 @@ fn any_number_of_threads_gives_the_same_bytes() {
     assert_eq!(one.page, three.page);
     assert_eq!(one.alpha_cutoff, three.alpha_cutoff);
     assert_eq!(one.refined, three.refined);
-    assert!(one.for_engines(1) == three.for_engines(1));
 }
 
 #[test]
@@ -244,154 +242,4 @@ fn a_gain_counts_only_if_no_size_loses() {
     assert!(!gain([0.02, 0.101]).is_better_than(&none), "the small pictures became worse");
     assert!(gain([0.1, 0.05]).is_better_than(&gain([0.1, 0.1])));
     assert!(!none.is_better_than(&none));
-}
-
-/// A mip level in views that no refinement uses.
-struct MipSeen {
-    error: f64,
-    coverage: f64,
-    tone: f32,
-}
-
-/// Looks at mip levels, the first of them in views of 96 pixels.
-fn mips_seen(foliage: &Foliage, level: &Level, mips: impl Iterator<Item = Image>, cutoff: f32) -> Vec<MipSeen> {
-    let look = |(number, mip): (usize, Image)| {
-        let views = Views { count: 6, size: 96 >> number, samples: Samples::new(4).unwrap(), up: DVec3::Z, turn: 0.13 };
-        let leaves = Reference::new(&[foliage], foliage.frame(), views).unwrap();
-        let alpha_mode = crate::AlphaMode::Mask(cutoff);
-        let material = Material { image: Some(mip), alpha_mode, ..level.page.material(cutoff, !level.two_sided) };
-        let pictures = leaves.compare(&billboards(&level.atlas, &level.frame, material).unwrap()).unwrap();
-        MipSeen { error: error(&pictures), coverage: pictures.coverage(), tone: pictures.tone().y }
-    };
-    mips.enumerate().map(look).collect()
-}
-
-/// Looks at a page for engines on its first mip levels.
-fn page_seen(foliage: &Foliage, level: &Level, page: &Image, cutoff: f32) -> Vec<MipSeen> {
-    mips_seen(foliage, level, LightGrid::of(page).levels(3).map(|mip| mip.to_image()), cutoff)
-}
-
-fn without_pictures(level: &Level) -> Level {
-    Level { refine_by: None, engine: std::sync::Arc::default(), ..level.clone() }
-}
-
-#[test]
-fn pages_for_engines_become_more_like_the_leaves_on_all_mip_levels() {
-    for ((foliage, refined), most) in [(&*UNREFINED_400, 0.99), (&*REFINED_400, 0.98)] {
-        let [old, new] = [&without_pictures(refined), refined].map(|level| {
-            let (page, cutoff) = level.for_engines(1);
-            page_seen(foliage, level, page, cutoff)
-        });
-        for (number, (new, old)) in new.iter().zip(&old).enumerate() {
-            assert!(new.error < most * old.error, "level {number}: {} after {}", new.error, old.error);
-        }
-    }
-}
-
-#[test]
-fn mip_levels_of_files_become_more_like_the_leaves_and_cover_a_little_more() {
-    let (foliage, refined) = &*UNREFINED_400;
-    let [old, new] = [&without_pictures(refined), refined].map(|level| {
-        let cutoff = level.for_engines(1).1;
-        let mips = level.mips("base_color", 1).unwrap().into_owned().into_iter().skip(1).take(3).map(|mip| mip.image);
-        mips_seen(foliage, level, mips, cutoff)
-    });
-    for (number, (new, old)) in new.iter().zip(&old).enumerate() {
-        assert!(new.error < 0.99 * old.error, "level {number}: {} after {}", new.error, old.error);
-        assert!((0.99..1.05).contains(&new.coverage), "level {number}: {} after {}", new.coverage, old.coverage);
-        assert!((new.tone - 1.0).abs() < 0.02, "level {number}: {} after {}", new.tone, old.tone);
-    }
-}
-
-#[test]
-fn levels_have_pictures_for_engines_unless_few_views_are_wanted_or_alpha_is_coverage() {
-    let foliage = bush(50);
-    let has_pictures = |more: &dyn Fn(&mut ChainSettings)| {
-        let mut settings = ChainSettings { cross: true, ..settings(Refinement::Off) };
-        more(&mut settings);
-        let chain = build_chain(&foliage, None, &settings, Progress::silent()).unwrap();
-        chain.levels.iter().map(|level| level.refine_by.is_some()).collect::<Vec<_>>()
-    };
-    assert_eq!(has_pictures(&|_| ()), [true, true]);
-    assert_eq!(has_pictures(&|settings| settings.views = ViewCounts::QUICK), [false, false]);
-    let quick_but_refined = |settings: &mut ChainSettings| {
-        (settings.views, settings.refine) = (ViewCounts::QUICK, Refinement::Short);
-    };
-    assert_eq!(has_pictures(&quick_but_refined), [true, true]);
-    assert_eq!(has_pictures(&|settings| settings.blended = true), [false, false]);
-}
-
-fn page_material(level: &Level, cutoff: f32) -> Material {
-    Material { image: None, ..level.page.material(cutoff, !level.two_sided) }
-}
-
-/// Returns a refinement of a level's page for engines, in four steps.
-fn on_all_mips<'a>(level: &'a Level, material: &'a Material, cutoff: f32, pictures: &'a LeafPictures) -> OnMips<'a> {
-    OnMips { atlas: &level.atlas, frame: &level.frame, material, cutoff, pictures, steps: 4, mips: usize::MAX }
-}
-
-#[test]
-fn a_page_for_engines_that_shows_nothing_is_no_choice() {
-    let foliage = bush(200);
-    let level = level(&foliage, Refinement::Off);
-    let (page, cutoff) = level.for_engines(1);
-    let material = page_material(&level, cutoff);
-    let on_mips = on_all_mips(&level, &material, cutoff, level.refine_by.as_ref().unwrap());
-    let error = |image: &Image| on_mips.error(image).unwrap().unwrap();
-    let blank = page.mapped(|[r, g, b, _]| [r, g, b, 0]);
-    assert!(error(&blank) > error(page) + 3.0, "{} and {}", error(&blank), error(page));
-}
-
-#[test]
-fn a_page_for_engines_that_is_too_dark_gets_its_light_back() {
-    let (foliage, level) = &*REFINED_200;
-    let kept = level.refine_by.as_ref().unwrap();
-    let far = |page: &Image, cutoff: f32| {
-        let of_mip = page_seen(foliage, level, page, cutoff).into_iter();
-        of_mip.map(|mip| (mip.tone - 1.0).abs()).fold(0.0, f32::max)
-    };
-    // With small pictures, the first mip levels of the whole page are finer than pixels.
-    for (halvings, size) in [(1, kept.tests[0].0.size), (0, 32)] {
-        let (image, cutoff) = level.for_engines(halvings);
-        let dark = image.mapped(|[r, g, b, a]| [r / 2, g / 2, b / 2, a]);
-        let pictures = LeafPictures { steps: of_size(&kept.steps, size), tests: of_size(&kept.tests, size) };
-        let material = page_material(level, cutoff);
-        let on_mips = OnMips { steps: 8, ..on_all_mips(level, &material, cutoff, &pictures) };
-        assert!(far(&dark, cutoff) > 2.0, "the test darkens the page");
-        let found = far(&on_mips.refined(&dark).unwrap().unwrap(), cutoff);
-        assert!(found < 0.15, "{halvings} halvings, pictures of {size} pixels: {found}");
-    }
-}
-
-#[test]
-fn mip_levels_have_pictures_of_the_size_at_which_engines_read_slanting_billboards() {
-    let (_, level) = &*REFINED_200;
-    let pictures = level.refine_by.as_ref().unwrap();
-    for halvings in [0, 1] {
-        let (image, cutoff) = level.for_engines(halvings);
-        let material = page_material(level, cutoff);
-        let on_mips = on_all_mips(level, &material, cutoff, pictures);
-        let (view, texel) = (pictures.tests[0].0, level.atlas.texel() * level.frame.radius * f64::from(1 << halvings));
-        let sizes: Vec<(usize, usize)> = on_mips.sizes(image).collect();
-        assert!(sizes.len() > 2 && sizes.iter().all(|(_, size)| (8..=view.size).contains(size)), "{sizes:?}");
-        for (mip, size) in sizes.into_iter().filter(|(_, size)| *size > 16) {
-            let read = (2.0 * view.radius / size as f64 / texel).log2() + 0.647;
-            assert!(
-                (read - mip as f64).abs() < 0.05,
-                "{halvings} halvings, pictures of {size} pixels: {read}, not {mip}"
-            );
-        }
-    }
-}
-
-#[test]
-fn a_page_for_engines_that_covers_too_little_covers_more() {
-    let (foliage, level) = &*REFINED_200;
-    let (image, cutoff) = level.for_engines(0);
-    let sparse = image.mapped(|[r, g, b, a]| [r, g, b, a / 2]);
-    let material = page_material(level, cutoff);
-    let on_mips = on_all_mips(level, &material, cutoff, level.refine_by.as_ref().unwrap());
-    let coverage = |page: &Image| page_seen(foliage, level, page, cutoff)[1].coverage;
-    let (before, after) = (coverage(&sparse), coverage(&on_mips.refined(&sparse).unwrap().unwrap()));
-    assert!(before < 0.92 && (0.95..1.06).contains(&after), "{before}, then {after}");
 }

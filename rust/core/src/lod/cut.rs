@@ -1,0 +1,202 @@
+//! The width of the leaves on a page, and the alpha cutoff.
+//!
+//! One page serves all renderers: those that draw alpha as a share (alpha to coverage, alpha hash), and those that cut it out, either with many
+//! samples at the texels themselves or with one sample at box-filtered mip levels. Pictures decide, in the views that tune levels:
+//!
+//! 1. Alpha is bent ([`crate::textures`]) until shares cover as much as the leaves. Leaves become wider or narrower by a fraction of a
+//!    texel: merged onto planes they hide one another more, or less.
+//! 2. The cutoff is the one at which cut-out alpha covers as much as the leaves where the level takes over: on the page itself and on the
+//!    mip level with texels of a pixel. It is near one half.
+//! 3. Means of thin leaves fall below one half on the mip levels behind that. If the level becomes too sparse there, the cutoff falls, until
+//!    the level covers [`NEAR`] where it takes over.
+//! 4. If leaves are so thin or so faint that they cover too little even at the lowest cutoff, alpha is bent to make them wider.
+//!
+//! Known limit: needles much thinner than a pixel are lost on the last of these mip levels for renderers that cut out.
+
+use super::billboards::billboards;
+use super::tune::{COVERAGE_ERROR, least_excess};
+use crate::atlas::Atlas;
+use crate::error::Result;
+use crate::foliage::{AlphaMode, Image, Material};
+use crate::geometry::Frame;
+use crate::metrics::Reference;
+use crate::textures::{Page, bent, mips};
+
+/// Cutoffs at which coverage is measured; it falls evenly between them.
+const CUTOFFS: [f64; 4] = [0.3, 0.4, 0.5, 0.6];
+
+/// Step between the cutoffs to choose from.
+const STEP: f64 = 0.01;
+
+/// The cutoff of a page whose alpha is exactly the covered share.
+const USUAL: f64 = 0.5;
+
+/// Range of the alpha that bending moves to one half, and to the lowest cutoff.
+const PIVOTS: (f64, f64) = (0.1, 0.9);
+const FAINT_PIVOTS: (f64, f64) = (0.005, CUTOFFS[0]);
+
+/// Greatest coverage where the level takes over, for the sake of the mip levels behind; the limit is 1.03.
+const NEAR: f64 = 1.025;
+
+/// Coverage wanted on the mip levels behind; the limit is 0.93.
+const FAR: f64 = 0.945;
+
+/// Coverage at the lowest cutoff below which leaves count as too thin.
+const TOO_THIN: f64 = 0.98;
+
+/// Mip levels behind the one with texels of a pixel on which the level should stay dense: down to a quarter of its size.
+const BEHIND: usize = 2;
+
+/// Billboards whose page is cut out.
+pub struct CutOut<'a> {
+    pub atlas: &'a Atlas,
+    pub frame: &'a Frame,
+    pub double_sided: bool,
+    /// Renderings of the leaves.
+    pub leaves: &'a Reference,
+    /// The mip level with texels of about a pixel where the level takes over.
+    pub mip: usize,
+}
+
+/// Returns the mip level whose texels are nearest to a pixel, if those of the page are so many pixels large.
+pub fn mip_of(pixels_per_texel: f64) -> usize {
+    (-libm::log2(pixels_per_texel.max(f64::MIN_POSITIVE))).round().max(0.0) as usize
+}
+
+impl CutOut<'_> {
+    /// Returns the page and its cutoff.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    pub fn settled(&self, page: Page) -> Result<(Page, f32)> {
+        let page = self.as_shares(page)?;
+        let coverage = self.measured(&page)?;
+        if coverage.near(CUTOFFS[0]) < TOO_THIN {
+            return Ok((self.widened(page)?, CUTOFFS[0] as f32));
+        }
+        Ok((page, coverage.best_cutoff()))
+    }
+
+    /// Returns the cutoff of a page whose alpha stays.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    pub fn cutoff(&self, page: &Page) -> Result<f32> {
+        Ok(self.measured(page)?.best_cutoff())
+    }
+
+    /// Returns the page with alpha bent until it covers as much as the leaves if it is drawn as a share.
+    fn as_shares(&self, page: Page) -> Result<Page> {
+        let with = |pivot: f64| bent(&page.base_color, pivot as f32, USUAL as f32);
+        let excess = |pivot: f64| Ok(ln(self.coverage(&page, with(pivot), AlphaMode::Blend)?));
+        let base_color = with(least_excess(USUAL, PIVOTS, COVERAGE_ERROR, excess)?);
+        Ok(Page { base_color, ..page })
+    }
+
+    /// Returns the page with alpha bent until the lowest cutoff shows as much as the leaves.
+    fn widened(&self, page: Page) -> Result<Page> {
+        let with = |pivot: f64| bent(&page.base_color, pivot as f32, CUTOFFS[0] as f32);
+        let excess = |pivot: f64| Ok(ln(self.coverage(&page, with(pivot), AlphaMode::Mask(CUTOFFS[0] as f32))?));
+        let base_color = with(least_excess(0.5 * CUTOFFS[0], FAINT_PIVOTS, COVERAGE_ERROR, excess)?);
+        Ok(Page { base_color, ..page })
+    }
+
+    /// Measures the coverage of a page that is cut out.
+    fn measured(&self, page: &Page) -> Result<Measured> {
+        let levels: Vec<Image> = mips::means(&page.base_color).into_iter().take(self.mip + BEHIND + 1).collect();
+        let of_level = |level: &Image| -> Result<[f64; CUTOFFS.len()]> {
+            let mut found = [0.0; CUTOFFS.len()];
+            for (coverage, cutoff) in found.iter_mut().zip(CUTOFFS) {
+                *coverage = self.coverage(page, level.clone(), AlphaMode::Mask(cutoff as f32))?;
+            }
+            Ok(found)
+        };
+        let seen = self.mip.min(levels.len() - 1);
+        let of_page = of_level(&levels[0])?;
+        let of_mip = if seen == 0 { of_page } else { of_level(&levels[seen])? };
+        let behind = levels[seen + 1..].iter().map(of_level).collect::<Result<_>>()?;
+        Ok(Measured { near: [of_page, of_mip], behind })
+    }
+
+    /// Returns the coverage of the billboards relative to the leaves, with an image in place of the page's base color.
+    fn coverage(&self, page: &Page, image: Image, alpha_mode: AlphaMode) -> Result<f64> {
+        let material = Material { image: Some(image), alpha_mode, ..page.material(1.0, self.double_sided) };
+        Ok(self.leaves.agreement(&billboards(self.atlas, self.frame, material)?)?.coverage)
+    }
+}
+
+/// Coverage relative to the leaves, at each of [`CUTOFFS`].
+struct Measured {
+    /// Where the level takes over: on the page itself, with many samples, and on the mip level with texels of a pixel.
+    near: [[f64; CUTOFFS.len()]; 2],
+    /// On the mip levels behind that.
+    behind: Vec<[f64; CUTOFFS.len()]>,
+}
+
+impl Measured {
+    /// Returns the mean coverage where the level takes over.
+    fn near(&self, cutoff: f64) -> f64 {
+        0.5 * (between(&self.near[0], cutoff) + between(&self.near[1], cutoff))
+    }
+
+    /// Returns whether the level is dense enough at a cutoff on the mip levels behind.
+    fn is_dense(&self, cutoff: f64) -> bool {
+        self.behind.iter().all(|of_level| between(of_level, cutoff) >= FAR)
+    }
+
+    /// Returns the cutoff with the coverage of the leaves, or a lower one for the sake of the mip levels behind.
+    fn best_cutoff(&self) -> f32 {
+        let steps = ((CUTOFFS[CUTOFFS.len() - 1] - CUTOFFS[0]) / STEP).round() as usize;
+        let cutoff = |step: usize| CUTOFFS[0] + STEP * step as f64;
+        let off = |step: usize| (self.near(cutoff(step)) - 1.0).abs();
+        let most = |step: usize| self.near.iter().map(|of| between(of, cutoff(step))).fold(0.0, f64::max);
+        let mut best = (0..=steps).min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(steps);
+        while best > 0 && !self.is_dense(cutoff(best)) && most(best - 1) <= NEAR {
+            best -= 1;
+        }
+        cutoff(best) as f32
+    }
+}
+
+/// Returns the coverage at a cutoff between those at [`CUTOFFS`].
+fn between(coverage: &[f64; CUTOFFS.len()], cutoff: f64) -> f64 {
+    let place = (cutoff - CUTOFFS[0]) / (CUTOFFS[1] - CUTOFFS[0]);
+    let index = (place.max(0.0) as usize).min(CUTOFFS.len() - 2);
+    coverage[index] + (coverage[index + 1] - coverage[index]) * (place - index as f64)
+}
+
+fn ln(coverage: f64) -> f64 {
+    libm::log(coverage.max(1e-9))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mip_level_has_texels_of_a_pixel() {
+        for (pixels_per_texel, mip) in [(2.0, 0), (1.0, 0), (0.5, 1), (0.4, 1), (0.25, 2), (0.0, 1074)] {
+            assert_eq!(mip_of(pixels_per_texel).min(1074), mip, "{pixels_per_texel}");
+        }
+    }
+
+    #[test]
+    fn coverage_between_cutoffs_is_linear() {
+        let falling = [1.1, 1.0, 0.8, 0.5];
+        for (cutoff, expected) in [(0.3, 1.1), (0.35, 1.05), (0.5, 0.8), (0.55, 0.65), (0.6, 0.5)] {
+            assert!((between(&falling, cutoff) - expected).abs() < 1e-9, "{cutoff}");
+        }
+    }
+
+    #[test]
+    fn the_cutoff_keeps_the_coverage_and_falls_for_the_mip_levels_behind() {
+        let even = |at_half: f64, slope: f64| CUTOFFS.map(|cutoff| at_half - slope * (cutoff - 0.5));
+        let near = [even(1.0, 0.2), even(1.0, 0.2)];
+        let cutoff = |behind: [f64; CUTOFFS.len()]| f64::from(Measured { near, behind: vec![behind] }.best_cutoff());
+        assert!((cutoff(even(1.0, 0.2)) - 0.5).abs() < 1e-6, "nothing is lost behind");
+        // 0.945 is reached at 0.45, and the level covers 1.01 there.
+        assert!((cutoff(even(0.895, 1.0)) - 0.45).abs() < 0.011);
+        // Never dense enough: as low as 1.025 allows.
+        assert!((cutoff(even(0.2, 0.1)) - 0.38).abs() < 0.011);
+    }
+}
