@@ -110,7 +110,7 @@ def test_textures_that_dissolve_in_mip_levels_are_found(
         document["bufferViews"].append(view)
         document["buffers"][0]["byteLength"] = len(body)
 
-    name = "shrub_LOD1: two plain mip levels of the PNG keep the coverage"
+    name = "shrub_LOD1: the first plain mip level of the PNG keeps the coverage"
     _, found = inspected(capsys, folder / "shrub.glb")
     assert {each["name"]: each["holds"] for each in found["checks"]}[name]
     status, found = inspected(capsys, rewritten(folder / "shrub.glb", tmp_path / "noise.glb", replace))

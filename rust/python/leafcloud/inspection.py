@@ -25,8 +25,8 @@ _LEAST_SHARE = 0.95
 """Least share of the corners of leaves that end on a plane of the next level."""
 
 _KEPT = 0.5, 1.5
-"""Least and most share of a texture's coverage that the first two mip levels keep: to four times the distance at which
-the level takes over."""
+"""Least and most share of a texture's coverage that the first mip level keeps: where the level takes over, texels of that
+are a pixel large."""
 
 _MOST_TEXELS = 2**24
 """Most texels of a picture that is decoded."""
@@ -328,7 +328,8 @@ def _heights(
 
 
 def _mips(file: GlbFile, node: int) -> Iterator[Check]:
-    """An atlas page keeps its coverage in box-filtered mip levels. KTX2 files have mip levels of their own."""
+    """An atlas page keeps its coverage, cut out, in the first box-filtered mip level. KTX2 files have mip levels of their
+    own."""
     for primitive in _leaves(file, node):
         material = file.items("materials")[primitive["material"]] if "material" in primitive else {}
         reference = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
@@ -343,11 +344,11 @@ def _mips(file: GlbFile, node: int) -> Iterator[Check]:
         if alpha is None or corners.dtype != np.float32 or "KHR_texture_transform" in reference.get("extensions", {}):
             continue
         triangles = corners.astype(np.float64)[file.values(primitive["indices"])[:, 0].reshape(-1, 3)]
-        kept = kept_by_mips(alpha, triangles, float(material.get("alphaCutoff", 0.5)), 2)
+        kept = kept_by_mips(alpha, triangles, float(material.get("alphaCutoff", 0.5)), 1)
         if kept is not None:
             holds = all(_KEPT[0] <= share <= _KEPT[1] for share in kept)
             figure = ", ".join(f"{share:.2f}" for share in kept)
-            yield Check(f"{_name(file, node)}: two plain mip levels of the PNG keep the coverage", holds, figure)
+            yield Check(f"{_name(file, node)}: the first plain mip level of the PNG keeps the coverage", holds, figure)
 
 
 def _alpha(content: bytes) -> NDArray[np.float64] | None:
