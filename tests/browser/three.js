@@ -1,40 +1,42 @@
 // Runs code of the documentation with three.js, and answers with pictures.
 //
-// The question is {code, file, renderer, side, views, seconds, places, copies, settings, sun, mips}. `code`: a module's text that uses
+// The question is {code, file, renderer, side, views, seconds, places, copies, settings, sun, mips, samples,
+// background}. `code`: a module's text that uses
 // `renderer`, `scene`, `camera` and `places`, and loads "pine.glb", for which `file` is read. `renderer`: "webgl" (the default)
 // for WebGLRenderer, "webgl2" or "webgpu" for that backend of WebGPURenderer. Each of the `views` {eye, target, fov, settings,
 // seconds} gives a picture of `side` × `side` bytes RGBA, lowest row first, and the number of drawn triangles
 // and draw calls; its own settings and seconds replace the common ones. `places`: rows of matrices of a forest. With
 // `copies` in place of the code, a copy of the tree stands at each place. `sun`: the position of a light that casts shadows,
-// beside a dim one from everywhere. `mips`: false to draw cut-out PNG textures without mip levels. Without views the answer is
+// beside a dim one from everywhere. `mips`: false to draw cut-out PNG textures without mip levels. `samples`: true for multisampling.
+// `background`: a color; without one it is transparent. Without views the answer is
 // {lacking}: why the renderer cannot run here, or null.
 import * as THREE from "three";
 import { Tree } from "leafcloud-three";
 
 const failures = [];
 
-function newWebGLRenderer() {
-  const renderer = new THREE.WebGLRenderer({ antialias: false, preserveDrawingBuffer: true });
+function newWebGLRenderer(antialias) {
+  const renderer = new THREE.WebGLRenderer({ antialias, preserveDrawingBuffer: true });
   renderer.debug.onShaderError = (context, program, vertex, fragment) => {
     throw new Error([vertex, fragment].map((shader) => context.getShaderInfoLog(shader)).join("\n"));
   };
   return renderer;
 }
 
-async function newNodeRenderer(forceWebGL, side) {
+async function newNodeRenderer(forceWebGL, side, antialias) {
   const { WebGPURenderer } = await import("three/webgpu");
   console.error = (...texts) => failures.push(texts.join(" ")); // three.js only logs errors of shaders.
-  const renderer = new WebGPURenderer({ antialias: false, forceWebGL });
+  const renderer = new WebGPURenderer({ antialias, forceWebGL });
   // Without a display Chromium does not show a canvas of WebGPU.
   renderer.setOutputRenderTarget(new THREE.RenderTarget(side, side, { depthBuffer: false }));
   return renderer;
 }
 
-async function newRenderer(kind, side) {
-  const renderer = kind === "webgl" ? newWebGLRenderer() : await newNodeRenderer(kind === "webgl2", side);
+async function newRenderer({ renderer: kind = "webgl", side, samples = false, background }) {
+  const renderer = kind === "webgl" ? newWebGLRenderer(samples) : await newNodeRenderer(kind === "webgl2", side, samples);
   renderer.setPixelRatio(1);
   renderer.setSize(side, side);
-  renderer.setClearColor(0x000000, 0);
+  renderer.setClearColor(background ?? 0x000000, background === undefined ? 0 : 1);
   return renderer;
 }
 
@@ -121,7 +123,7 @@ async function lackingFor(kind) {
 
 async function answerTo(question) {
   const { code, file, side, views, seconds = 0, places = [], copies = false, settings = {}, sun, mips = true } = question;
-  const renderer = await newRenderer(question.renderer ?? "webgl", side);
+  const renderer = await newRenderer(question);
   const scene = new THREE.Scene().add(...lightsOf(sun));
   const camera = new THREE.PerspectiveCamera(50, 1);
   const given = { THREE, renderer, scene, camera, places: places.map((rows) => new THREE.Matrix4().set(...rows)) };

@@ -353,11 +353,13 @@ vec3 lc_octahedral_corner(vec2 corner, vec3 eye, LcOctahedral impostor) {
 }
 `;
 
-export const SHARES = `// The cutoff for mip levels with the share of drawn texels as alpha: thin leaves neither dissolve nor flicker.
+export const SHARES = `// The law for alpha that is the share of a texel that leaves cover: thin leaves neither dissolve nor flicker.
 //
 // For fragment shaders, because of derivatives; otherwise as leafcloud.glsl. A mean of alpha below the cutoff would draw no texel, one
 // above it all. Here each place on the leaves has a random cutoff of its own (Wyman and McGuire, "Hashed Alpha Testing", 2017), so that
 // the drawn share of all places is that of the texels. Known limit: single leaves get grains, as large as a pixel.
+
+const int LC_MIPS = 16;
 
 // A number that seems random, from another one.
 uint lc_mixed(uint number) {
@@ -381,5 +383,32 @@ float lc_share_cutoff(vec3 place, vec2 texel, float level) {
     random = lc_mixed(random + uint(facing.x + 17 * (facing.y + 17 * facing.z)));
     random = lc_mixed(lc_mixed(random + uint(part.x)) + uint(part.y));
     return (float(random >> 16u) + 0.5) / 65536.0;
+}
+
+// The mip level that is read at a place on the texture, in texels.
+float lc_mip_level(vec2 texel) {
+    vec2 across = dFdx(texel), down = dFdy(texel);
+    return max(0.5 * log2(max(dot(across, across), dot(down, down))), 0.0);
+}
+
+// The share that was bent to this alpha at a pivot: above it alpha exceeds one half, as readers without this law want. 0.5: not bent.
+float lc_share(float alpha, float pivot) {
+    return alpha < 0.5 ? 2.0 * pivot * alpha : pivot + 2.0 * (alpha - 0.5) * (1.0 - pivot);
+}
+
+// The pivot at the mip level that is read, by the pivots of all mip levels.
+float lc_pivot(float pivots[LC_MIPS], float level) {
+    int finer = int(min(level, float(LC_MIPS - 1)));
+    return mix(pivots[finer], pivots[min(finer + 1, LC_MIPS - 1)], fract(level));
+}
+
+// The share of a pixel's samples to draw, as alpha for alpha to coverage; without multisampling 0 or 1. Magnified texels have sharp outlines
+// at the material's \`cutoff\`. From mip level 1 on \`random\`, the cutoff of the place, decides about whole pixels, with multisampling, too:
+// alpha to coverage draws equal shares of leaves behind one another in the same samples, so that crowns would cover up to half less.
+float lc_drawn(float alpha, float cutoff, float pivot, float random, float level, bool multisampled) {
+    float minified = min(level, 1.0);
+    float sharp = clamp((alpha - cutoff) / max(fwidth(alpha), 1e-4) + 0.5, 0.0, 1.0);
+    float whole = mix(sharp, lc_share(alpha, pivot), minified) < mix(0.5, random, minified) ? 0.0 : 1.0;
+    return multisampled ? mix(sharp, whole, minified) : whole;
 }
 `;

@@ -3,6 +3,7 @@ import * as THREE from "three";
 import { NEVER, viewFactor } from "./laws.js";
 import { Level } from "./levels.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
+import { FRACTIONAL } from "./shares.js";
 
 /** Reach of the leaves in crown radii, when few are left and grow, and in wind. */
 const GROWN = 1.2;
@@ -92,8 +93,8 @@ export class Forest extends THREE.Group {
     const object = source.object.clone();
     const { looks } = this.#source;
     const level = new Level(source, object, looks);
-    const meshes = level.meshes.map((mesh) => {
-      cutOut(mesh.material);
+    const meshes = level.meshes.map((mesh, i) => {
+      cutOut(mesh.material, source.parts[i]);
       const instanced = looks.newCopies(mesh, capacity);
       instanced.frustumCulled = false; // The forest leaves out the trees that the camera does not see.
       Object.assign(instanced, { count: 0, visible: false });
@@ -172,10 +173,10 @@ function offsetOf(object, mesh, toTree) {
   return offset.premultiply(toTree);
 }
 
-/** Instances are not sorted: impostors are cut out at their cutoff, blended materials by a pattern. */
-function cutOut(material) {
-  const { cutoff } = material.userData;
-  if (material.transparent) Object.assign(material, { transparent: false, ...(cutoff ? { alphaTest: cutoff } : { alphaHash: true }) });
+/** Instances are not sorted, so nothing is blended: impostors draw a share of the samples, blended leaves a pattern of pixels. */
+function cutOut(material, { impostor }) {
+  if (!material.transparent) return;
+  Object.assign(material, { transparent: false }, impostor ? { ...FRACTIONAL, alphaTest: 0 } : { alphaHash: true });
 }
 
 /** Radius of a sphere around the center of the leaves that holds the tree, also in wind and with grown leaves. */

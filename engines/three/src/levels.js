@@ -3,7 +3,8 @@ import * as THREE from "three";
 import { addAttributes, addTangents, hasLeaves, nameNumbers, sharing } from "./attributes.js";
 import { BlendOrder } from "./blending.js";
 import { HAND_OVER, keepAt, NEVER, PLACE_TURNS, windForce } from "./laws.js";
-import { bentNormalOf, keepCoverage, pagesOf } from "./textures.js";
+import { cutOf } from "./shares.js";
+import { alphaIsShare, bentNormalOf, keepCoverage, pagesOf } from "./textures.js";
 import { newUniforms } from "./uniforms.js";
 
 /**
@@ -96,7 +97,8 @@ function partsOf(object, parser, { bentNormal, octahedral }, { number, wind, imp
       if (shading) addTangents(mesh.geometry);
       const made = prepared(mesh, parser, wind);
       if (number === 0 && !made.isTrunk) keepCoverage(mesh.material);
-      return { place, ...made, material: mesh.material, shading };
+      const cut = !made.isTrunk && alphaIsShare(mesh.material) ? cutOf(mesh.material) : null;
+      return { place, ...made, material: mesh.material, shading, cut };
     });
 }
 

@@ -4,7 +4,7 @@ import { LAWS, SHARES } from "./glsl.js";
 import { octahedralMaterial } from "./octahedral.js";
 import { after, before, replaced } from "./patching.js";
 import { shadeItself } from "./self_shadowing.js";
-import { alphaIsShare } from "./textures.js";
+import { FRACTIONAL } from "./shares.js";
 
 /**
  * The distance by which the laws decide, in the file's units. The fraction of the pixels that this level draws, and the fraction
@@ -110,20 +110,39 @@ const CONTRAST = `
 `;
 const CUT = `
     vec2 lcTexel = vMapUv * vec2(textureSize(map, 0));
-    vec2 lcAcross = dFdx(lcTexel), lcDown = dFdy(lcTexel);
-    float lcLevel = max(0.5 * log2(max(dot(lcAcross, lcAcross), dot(lcDown, lcDown))), 0.0); // as textures are read
-    if (diffuseColor.a < mix(alphaTest, lc_share_cutoff(lcRest, lcTexel, lcLevel), min(lcLevel, 1.0))) discard;
+    float lcLevel = lc_mip_level(lcTexel);
+    float lcRandom = lc_share_cutoff(lcRest, lcTexel, lcLevel);
+    diffuseColor.a = lc_drawn(diffuseColor.a, lcCutoff, lc_pivot(lcPivots, lcLevel), lcRandom, lcLevel, lcMultisampled);
+    if (diffuseColor.a == 0.0) discard;
 `;
+const SHARE = `
+uniform float lcCutoff;
+uniform float lcPivots[LC_MIPS];
+uniform bool lcMultisampled;
+`;
+
+/** Whether the picture that is drawn has several samples a pixel. Shadow maps have one. */
+const MULTISAMPLED = { value: false };
+const ONE_SAMPLE = { value: false };
+
+/** For `onBeforeRender` of meshes: only then the target of the picture is known. */
+function countSamples(renderer) {
+  MULTISAMPLED.value = (renderer.getRenderTarget() ?? renderer.capabilities).samples > 1;
+}
 
 /** Gives a mesh of a level its materials. `part`: a mesh of the source; `uniforms`: of the level. */
 export function dress(mesh, part, uniforms) {
   if (part.impostor) {
-    mesh.material = octahedralMaterial(part.impostor, part.material, (shader) => addFade(shader, uniforms));
+    mesh.material = octahedralMaterial(part.impostor, part.material, (shader) => {
+      addFade(shader, uniforms);
+      shader.uniforms.lcMultisampled = MULTISAMPLED;
+    });
     mesh.customDepthMaterial = mesh.customDistanceMaterial = NO_SHADOW;
     return;
   }
-  mesh.material = patched(part.material, uniforms, part.leaves, part.shading);
-  mesh.customDepthMaterial = shadowing(part.material, uniforms, part.leaves);
+  mesh.onBeforeRender = countSamples;
+  mesh.material = patched(part, uniforms);
+  mesh.customDepthMaterial = shadowing(part, uniforms);
 }
 
 /** A quad that turns to the camera has no shadow of the tree. */
@@ -131,7 +150,8 @@ const NO_SHADOW = new THREE.MeshDepthMaterial({ colorWrite: false, depthWrite: f
 
 /** Returns a mesh that draws `mesh` at as many places as `capacity`. */
 export function newCopies({ geometry, material, customDepthMaterial }, capacity) {
-  return Object.assign(new THREE.InstancedMesh(geometry, material, capacity), { customDepthMaterial });
+  const own = { customDepthMaterial, onBeforeRender: countSamples };
+  return Object.assign(new THREE.InstancedMesh(geometry, material, capacity), own);
 }
 
 /** Frees the material for shadow maps. */
@@ -139,33 +159,33 @@ export function undress({ customDepthMaterial }) {
   if (customDepthMaterial !== NO_SHADOW) customDepthMaterial.dispose();
 }
 
-/** Returns a copy of the material that includes the laws. `leaves`: of leaves, not of a trunk. `shading`: the texture of
- * self-shadowing, or undefined. */
-function patched(original, uniforms, leaves, shading) {
+/** Returns a copy of the material of `part` that includes the laws. */
+function patched({ material: original, leaves, shading, cut }, uniforms) {
   const material = original.clone();
+  if (cut) Object.assign(material, FRACTIONAL);
   material.forceSinglePass = true; // Otherwise three.js draws all blended backs before all fronts.
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
   const wind = "lcWind" in uniforms;
-  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind} ${Boolean(shading)} ${alphaIsShare(original)}`;
+  material.customProgramCacheKey = () => `leafcloud ${leaves} ${wind} ${Boolean(shading)} ${Boolean(cut)}`;
   material.onBeforeCompile = (shader) => {
     moveAndFade(shader, uniforms, leaves);
-    if (alphaIsShare(original)) shader.fragmentShader = cutByShare(shader.fragmentShader);
+    if (cut) cutByShare(shader, cut, MULTISAMPLED);
     if (shading) shadeItself(shader, shading);
   };
   return material;
 }
 
-/** Returns the material for shadow maps, which move and fade like the one of `original`. */
-function shadowing(original, uniforms, leaves) {
+/** Returns the material for shadow maps, which move and fade like the one of `part`. */
+function shadowing({ material: original, leaves, cut }, uniforms) {
   const { map, alphaTest, side, transparent } = original;
-  const cut = { alphaTest, alphaHash: transparent };
-  const made = new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, map, side, ...cut });
-  made.customProgramCacheKey = () => `leafcloud shadow ${leaves} ${"lcWind" in uniforms} ${alphaIsShare(original)}`;
+  const look = { alphaTest, alphaHash: transparent };
+  const made = new THREE.MeshDepthMaterial({ depthPacking: THREE.RGBADepthPacking, map, side, ...look });
+  made.customProgramCacheKey = () => `leafcloud shadow ${leaves} ${"lcWind" in uniforms} ${Boolean(cut)}`;
   made.onBeforeCompile = (shader) => {
     Object.assign(shader.uniforms, uniforms);
     shader.vertexShader = movedVertices(shader.vertexShader, leaves, "lcWind" in uniforms);
     shader.fragmentShader = faded(shader.fragmentShader);
-    if (alphaIsShare(original)) shader.fragmentShader = cutByShare(shader.fragmentShader);
+    if (cut) cutByShare(shader, cut, ONE_SAMPLE);
   };
   return made;
 }
@@ -203,7 +223,9 @@ function faded(source) {
   return before("void main()", LAWS + FRAGMENT, after("#include <clipping_planes_fragment>", FADE, source));
 }
 
-/** Replaces the alpha test of a shader by one of shares. */
-function cutByShare(source) {
-  return before("void main()", SHARES, replaced(source, "#include <alphatest_fragment>", CUT));
+/** Replaces the alpha test of a shader by the law of shares. `multisampled`: the uniform. */
+function cutByShare(shader, { cutoff, pivots }, multisampled) {
+  Object.assign(shader.uniforms, { lcCutoff: { value: cutoff }, lcPivots: { value: pivots }, lcMultisampled: multisampled });
+  const cut = replaced(shader.fragmentShader, "#include <alphatest_fragment>", CUT);
+  shader.fragmentShader = before("void main()", SHARES + SHARE, cut);
 }

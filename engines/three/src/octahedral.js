@@ -1,6 +1,6 @@
 // Octahedral impostors: a quad in place of the cross impostor of the last level, by the law of octahedral.glsl.
 import * as THREE from "three";
-import { OCTAHEDRAL } from "./glsl.js";
+import { OCTAHEDRAL, SHARES } from "./glsl.js";
 import { after, before, replaced } from "./patching.js";
 import { LEAST_ALPHA } from "./uniforms.js";
 
@@ -32,6 +32,7 @@ uniform LcOctahedral lcImpostor;
 uniform float lcShadows; // 1 if trees get shadows
 uniform sampler2D lcColorPage;
 uniform sampler2D lcNormalPage;
+uniform bool lcMultisampled;
 in vec3 lcPoint;
 in vec3 lcEye;
 in vec2 lcCorner;
@@ -45,6 +46,15 @@ const COLOR = `
     float lcLod = log2(lcTexels);
     lc_octahedral(lcColorPage, lcNormalPage, lcPoint, normalize(lcEye), lcLod, lcImpostor, lcSeen, lcNormal, lcLight);
     diffuseColor *= vec4(lcSeen.rgb * mix(1.0, lcLight, lcShadows), lcSeen.a);
+`;
+/** Of an impostor that is not blended. */
+const CUT = `
+#ifdef ALPHA_TO_COVERAGE
+    float lcCutoff = lc_share_cutoff(lcPoint, 0.5 * lcImpostor.texels * lcCorner, max(lcLod, 0.0));
+    if (!lcMultisampled) diffuseColor.a = diffuseColor.a < lcCutoff ? 0.0 : 1.0;
+    if (diffuseColor.a == 0.0) discard;
+#endif
+#include <alphatest_fragment>
 `;
 const NORMAL = "normal = normalize(lcNormalToView * lcNormal);";
 /**
@@ -67,7 +77,6 @@ export function octahedralMaterial({ numbers, color, normalDepth }, original, pa
   };
   const { roughness, metalness } = original;
   const material = new THREE.MeshStandardMaterial({ roughness, metalness, transparent: true, alphaTest: LEAST_ALPHA });
-  material.userData.cutoff = numbers.alpha_cutoff;
   material.customProgramCacheKey = () => "leafcloud octahedral";
   material.onBeforeCompile = (shader) => {
     patch(shader);
@@ -75,8 +84,9 @@ export function octahedralMaterial({ numbers, color, normalDepth }, original, pa
     const cornered = replaced(shader.vertexShader, "#include <begin_vertex>", CORNER);
     shader.vertexShader = before("void main()", OCTAHEDRAL + VERTEX, cornered);
     const colored = replaced(shader.fragmentShader, "#include <map_fragment>", COLOR);
-    const shaded = after("#include <normal_fragment_maps>", NORMAL, colored);
-    shader.fragmentShader = before("void main()", OCTAHEDRAL + FRAGMENT, shaded);
+    const cut = replaced(colored, "#include <alphatest_fragment>", CUT);
+    const shaded = after("#include <normal_fragment_maps>", NORMAL, cut);
+    shader.fragmentShader = before("void main()", OCTAHEDRAL + SHARES + FRAGMENT, shaded);
   };
   return material;
 }

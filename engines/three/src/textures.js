@@ -2,21 +2,25 @@
 import { LinearFilter, LinearMipmapLinearFilter, SRGBColorSpace } from "three";
 import { shareMips } from "./mips.js";
 
-/**
- * Gives the PNG texture of the leaves mip levels with the share of drawn texels, if they are cut out. Atlas pages of later levels are made
- * for plain mip levels; levels of simplified leaves have the materials of the leaves.
- */
+/** Textures of the leaves: whether alpha is the share of drawn texels in their mip levels. */
+const leaves = new WeakMap();
+
+/** Gives the PNG texture of the leaves mip levels with the share of drawn texels, if they are cut out. */
 export function keepCoverage({ map, alphaTest, transparent }) {
-  if (!map || map.isCompressedTexture || alphaIsShare({ map })) return;
-  if (transparent) Object.assign(map, { minFilter: LinearFilter, generateMipmaps: false });
-  if (transparent || !(alphaTest > 0)) return;
-  const mips = shareMips(pixelsOf(map.image), alphaTest).map(({ data, width, height }) => new ImageData(data, width, height));
-  Object.assign(map, { mipmaps: [map.image, ...mips], minFilter: LinearMipmapLinearFilter, generateMipmaps: false, needsUpdate: true });
+  if (!map || leaves.has(map)) return;
+  const cut = alphaTest > 0 && !transparent && !map.isCompressedTexture;
+  leaves.set(map, cut);
+  if (cut) {
+    const mips = shareMips(pixelsOf(map.image), alphaTest).map(({ data, width, height }) => new ImageData(data, width, height));
+    Object.assign(map, { mipmaps: [map.image, ...mips], minFilter: LinearMipmapLinearFilter, generateMipmaps: false, needsUpdate: true });
+  } else if (transparent && !map.isCompressedTexture) {
+    Object.assign(map, { minFilter: LinearFilter, generateMipmaps: false });
+  }
 }
 
-/** Returns whether alpha is the share of drawn texels in the mip levels of a material's texture. */
-export function alphaIsShare({ map }) {
-  return Boolean(map) && !map.isCompressedTexture && map.mipmaps.length > 0;
+/** Returns whether alpha of a cut-out material is a share: on atlas pages, and on textures of leaves with such mip levels. */
+export function alphaIsShare({ map, alphaTest, transparent }) {
+  return Boolean(map) && alphaTest > 0 && !transparent && (leaves.get(map) ?? true);
 }
 
 function pixelsOf(image) {

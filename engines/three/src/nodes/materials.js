@@ -2,13 +2,13 @@
 import * as THREE from "three";
 import { attribute, bool, diffuseColor, mat3, mix, normalize, positionGeometry, texture } from "three/tsl";
 import { MeshBasicNodeMaterial, MeshPhysicalNodeMaterial, MeshStandardNodeMaterial } from "three/webgpu";
-import { alphaIsShare } from "../textures.js";
+import { FRACTIONAL } from "../shares.js";
 import { LEAST_ALPHA } from "../uniforms.js";
 import { areaScale, blownAlone, blownOf, flutterOf, growthOf, placeOf, towardMean, trendOf, turnsAt } from "./laws.js";
 import { copied, Copies, drawn, inPattern, keep, keepOfPixel, numberOf, placed, shares, toWorld, transition } from "./level.js";
 import { impostorNodes } from "./octahedral.js";
 import { shadeItself } from "./self_shadowing.js";
-import { drawnByShare } from "./shares.js";
+import { drawnOfLeaf } from "./shares.js";
 
 const growth = numberOf("vec2", (laws) => laws.lcGrowth.value);
 const mean = numberOf("vec3", (laws) => laws.lcMean.value);
@@ -67,6 +67,9 @@ const lawful = (Base) =>
     setupVariants(builder) {
       if (this.hasLeaves) diffuseColor.rgb.assign(towardMean(diffuseColor.rgb, mean, keepOfPixel, contrast));
       super.setupVariants(builder);
+      if (!this.alphaToCoverage) return;
+      diffuseColor.a.assign(this.coverNode);
+      diffuseColor.a.lessThanEqual(0).discard();
     }
 
     setupLightingModel(builder) {
@@ -114,17 +117,21 @@ export function newCopies({ geometry, material }, capacity) {
 /** Node materials need no material for shadow maps. */
 export function undress() {}
 
-function levelMaterial({ material: original, leaves, shading }, blows) {
+function levelMaterial({ material: original, leaves, shading, cut }, blows) {
   const material = materialFor(original).copy(original);
   material.forceSinglePass = true; // Otherwise three.js draws all blended backs before all fronts.
   material.color.multiplyScalar(original.userData.leafcloud?.light_strength ?? 1);
   material.hasLeaves = leaves;
   material.positionNode = POSITIONS[leaves ? "leaves" : "trunk"][blows ? "blown" : "still"];
   material.maskNode = drawn;
-  if (alphaIsShare(original)) {
-    const { map, alphaTest } = original;
-    material.maskNode = once(cuts, original, () => drawn.and(drawnByShare(textureNode(map), map, alphaTest)));
-    material.alphaTest = 0; // It would cut again, and shadows by the cutoff alone.
+  if (cut) {
+    const { map } = original;
+    const [coverNode, ofShadow] = once(cuts, original, () => {
+      const [cover, isDrawn] = drawnOfLeaf(textureNode(map), map, cut);
+      return [cover, drawn.and(isDrawn)];
+    });
+    // The alpha test would cut again.
+    Object.assign(material, FRACTIONAL, { alphaTest: 0, coverNode, maskShadowNode: ofShadow });
   }
   if (original.transparent && original.map) material.maskShadowNode = drawn.and(inPattern(textureNode(original.map).a));
   if (shading) {
@@ -138,9 +145,7 @@ function levelMaterial({ material: original, leaves, shading }, blows) {
 function impostorMaterial({ impostor, material: { roughness, metalness } }) {
   const nodes = once(impostors, impostor, () => impostorNodes(impostor));
   const look = { roughness, metalness, transparent: true, alphaTest: LEAST_ALPHA };
-  const material = new MeshStandardNodeMaterial({ ...look, ...nodes, maskNode: drawn, maskShadowNode: NOWHERE });
-  material.userData.cutoff = impostor.numbers.alpha_cutoff;
-  return material;
+  return Object.assign(new Standard(look), nodes, { maskNode: drawn, maskShadowNode: NOWHERE });
 }
 
 /** Puts the laws' attributes of a geometry into one buffer: WebGPU has room for eight. `source` has those of all copies. */

@@ -9,6 +9,7 @@ import {
   cross,
   dFdx,
   dFdy,
+  diffuseColor,
   dot,
   exp2,
   float,
@@ -34,6 +35,7 @@ import {
   vec4,
 } from "three/tsl";
 import { numberOf, placed, toWorld } from "./level.js";
+import { drawnOfImpostor } from "./shares.js";
 
 /** How far the views reach below the horizon, and the corrections of the height by the stored depth. */
 const BELOW = 0.5;
@@ -155,11 +157,16 @@ export function impostorNodes({ numbers, ...pages }) {
   const [seenEye, seenPoint, corner] = [varying(eye), varying(point), varying(positionGeometry.xy)];
   const axes = mat3(...[0, 1, 2].map((i) => varying(toView.element(i))));
   const normalSeen = property("vec3", "lcNormalSeen");
+  const lod = log2(max(length(dFdx(corner)), length(dFdy(corner))).mul(impostor.texels).mul(0.5));
   const colorNode = Fn(() => {
-    const lod = log2(max(length(dFdx(corner)), length(dFdy(corner))).mul(impostor.texels).mul(0.5));
     const { shown, normal, light } = octahedral(pages, seenPoint, normalize(seenEye).toVar(), lod, impostor);
     normalSeen.assign(normal);
     return vec4(shown.rgb.mul(mix(float(1), light, shadows)), shown.a);
   })();
-  return { positionNode: placed(() => fromLayout.mul(vec4(point, 1)).xyz), colorNode, normalNode: normalize(axes.mul(normalSeen)) };
+  return {
+    positionNode: placed(() => fromLayout.mul(vec4(point, 1)).xyz),
+    colorNode,
+    normalNode: normalize(axes.mul(normalSeen)),
+    coverNode: drawnOfImpostor(diffuseColor.a, seenPoint, corner.mul(impostor.texels).mul(0.5), lod),
+  };
 }

@@ -1,5 +1,6 @@
-// The cutoff of shaders/shares.glsl as nodes, for mip levels with the share of drawn texels as alpha.
+// The law of shaders/shares.glsl as nodes, for alpha that is the share of a texel that leaves cover.
 import {
+  clamp,
   cross,
   dFdx,
   dFdy,
@@ -7,6 +8,8 @@ import {
   exp2,
   float,
   floor,
+  fract,
+  fwidth,
   int,
   length,
   log2,
@@ -14,14 +17,19 @@ import {
   min,
   mix,
   positionGeometry,
+  select,
   textureSize,
   uint,
   uniform,
+  uniformArray,
   uv,
   varying,
   vec2,
   vec3,
 } from "three/tsl";
+
+/** 1 if the picture that is drawn has several samples a pixel. */
+const multisampled = uniform(0).onRenderUpdate(({ renderer }) => Number(renderer.currentSamples > 1));
 
 function mixed(number) {
   const once = number.bitXor(number.shiftRight(uint(16))).mul(uint(2246822519)).toVar();
@@ -44,12 +52,42 @@ function shareCutoff(place, texel, level) {
   return float(random.shiftRight(uint(16))).add(0.5).div(65536);
 }
 
-/** Returns whether a place on a leaf is drawn. `sampled`: the node of its texture `map`. `cutoff`: of the material. */
-export function drawnByShare(sampled, map, cutoff) {
+function levelAt(texel) {
+  const [across, down] = [dFdx(texel).toVar(), dFdy(texel).toVar()];
+  return max(log2(max(dot(across, across), dot(down, down))).mul(0.5), 0).toVar();
+}
+
+function shareOf(alpha, pivot) {
+  const above = pivot.add(alpha.sub(0.5).mul(2).mul(pivot.oneMinus()));
+  return select(alpha.lessThan(0.5), alpha.mul(pivot).mul(2), above);
+}
+
+function pivotAt(pivots, level) {
+  const last = pivots.length - 1;
+  const table = uniformArray(pivots, "float");
+  const finer = int(min(level, last)).toVar();
+  return mix(table.element(finer), table.element(min(finer.add(1), last)), fract(level));
+}
+
+/**
+ * Returns the share of a pixel's samples to draw on a leaf, and whether shadow maps draw it. `sampled`: the node of its texture `map`.
+ * `cut`: of the material.
+ */
+export function drawnOfLeaf(sampled, map, { cutoff, pivots }) {
   const place = varying(positionGeometry).toVar();
   const matrix = uniform(map.matrix).onRenderUpdate(() => map.matrix);
   const texel = matrix.mul(vec3(uv(map.channel), 1)).xy.mul(vec2(textureSize(sampled))).toVar();
-  const [across, down] = [dFdx(texel).toVar(), dFdy(texel).toVar()];
-  const level = max(log2(max(dot(across, across), dot(down, down))).mul(0.5), 0).toVar(); // as textures are read
-  return sampled.a.greaterThanEqual(mix(float(cutoff), shareCutoff(place, texel, level), min(level, 1)));
+  const level = levelAt(texel);
+  const minified = min(level, 1).toVar();
+  const sharp = clamp(sampled.a.sub(cutoff).div(max(fwidth(sampled.a), 1e-4)).add(0.5), 0, 1).toVar();
+  const share = mix(sharp, shareOf(sampled.a, pivotAt(pivots, level)), minified);
+  const isDrawn = share.greaterThanEqual(mix(0.5, shareCutoff(place, texel, level), minified));
+  const whole = select(isDrawn, float(1), float(0)).toVar();
+  return [mix(whole, mix(sharp, whole, minified), multisampled), isDrawn];
+}
+
+/** Returns the share of a pixel's samples to draw on an impostor of this `alpha`. `level`: the mip level that is read. */
+export function drawnOfImpostor(alpha, place, texel, level) {
+  const whole = select(alpha.lessThan(shareCutoff(place, texel, max(level, 0))), float(0), float(1));
+  return mix(whole, alpha, multisampled);
 }
