@@ -2,7 +2,8 @@
 //
 // The question is {code, file, side, views: [{eye, target, fov}], settings}, as in three.js beside this file. `places`:
 // rows of matrices of a forest; with `copies` in place of the code, a copy of the tree stands at each place. With `leftHanded` the
-// scene is Babylon.js's usual one: the eyes are mirrored like the files. The answer has for each view its `pixels`, the number of
+// scene is Babylon.js's usual one: the eyes are mirrored like the files. `samples`: true for multisampling. `background`: a
+// color; without one it is transparent. The answer has for each view its `pixels`, the number of
 // drawn `triangles`, the names of the `shown` levels, and the `counts` of a forest.
 import { Color3, Color4, Engine, FreeCamera, HemisphericLight, Matrix, Quaternion, Scene, Vector3 } from "@babylonjs/core";
 import { loadTree } from "leafcloud-babylon";
@@ -26,10 +27,11 @@ async function copiesOf(url, { scene, places }) {
   });
 }
 
-function newScene(engine, leftHanded) {
+function newScene(engine, leftHanded, background) {
   const scene = new Scene(engine);
   scene.useRightHandedSystem = !leftHanded;
-  scene.clearColor = new Color4(0, 0, 0, 0);
+  const clear = background === undefined ? "#00000000" : `#${background.toString(16).padStart(6, "0")}ff`;
+  scene.clearColor = Color4.FromHexString(clear);
   // Light from all sides.
   const light = new HemisphericLight("light", Vector3.Up(), scene);
   light.groundColor = Color3.White();
@@ -53,11 +55,12 @@ function encoded(pixels) {
   return btoa(text);
 }
 
-async function answerTo({ code, file, side, views, settings = {}, leftHanded = false, places = [], copies = false }) {
+async function answerTo(question) {
+  const { code, file, side, views, settings = {}, leftHanded = false, places = [], copies = false, samples = false } = question;
   const canvas = document.querySelector("#canvas");
   Object.assign(canvas, { width: side, height: side });
-  const engine = new Engine(canvas, false, { preserveDrawingBuffer: true, premultipliedAlpha: false, alpha: true }, false);
-  const scene = newScene(engine, leftHanded);
+  const engine = new Engine(canvas, samples, { preserveDrawingBuffer: true, premultipliedAlpha: false, alpha: true }, false);
+  const scene = newScene(engine, leftHanded, question.background);
   const camera = new FreeCamera("camera", Vector3.Zero(), scene);
   const given = { scene, places: places.map((rows) => Matrix.FromArray(rows).transpose()) };
   const made = copies ? await copiesOf(file, given) : [await madeBy(code.replaceAll("pine.glb", file), given)];

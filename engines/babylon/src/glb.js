@@ -90,7 +90,7 @@ function withoutNumbers(primitive) {
 
 /**
  * Returns the levels of tree number `tree`: their nodes' names and extras, the tables of their meshes, the numbers of their
- * leaves, and the images of an octahedral impostor or of an atlas page's mip levels.
+ * leaves, and the images of an octahedral impostor.
  */
 export function levelsIn(document, rest, tree) {
   const chains = chainsIn(document);
@@ -132,12 +132,9 @@ function numbersOf(document, rest, { first_texcoord: first, prefixes }, { attrib
   return { count, positions: read(attributes.POSITION), sets: sets.map(read), offsets: read(targets?.[0].POSITION) };
 }
 
-/**
- * Returns the bytes of the PNG files that the extras of a material name: {color, normalDepth} of an octahedral impostor, or {mips} of an atlas
- * page.
- */
+/** Returns the bytes {color, normalDepth} of the PNG files of an octahedral impostor, which the extras of a material name; or null. */
 function imagesOf(document, rest, material) {
-  const { octahedralTexture, octahedralNormalTexture, mipLevels } = document.materials?.[material]?.extras?.leafcloud ?? {};
+  const { octahedralTexture, octahedralNormalTexture } = document.materials?.[material]?.extras?.leafcloud ?? {};
   const bytes = (reference) => {
     // Tools that drop textures or number them anew do not change extras.
     const view = document.bufferViews[document.images?.[document.textures?.[reference?.index]?.source]?.bufferView];
@@ -145,6 +142,6 @@ function imagesOf(document, rest, material) {
     const start = 8 + (view.byteOffset ?? 0); // Behind the header of the chunk.
     return rest.subarray(start, start + view.byteLength);
   };
-  const [color, normalDepth, mips] = [octahedralTexture, octahedralNormalTexture, mipLevels].map(bytes);
-  return color && normalDepth ? { color, normalDepth } : { mips };
+  const [color, normalDepth] = [octahedralTexture, octahedralNormalTexture].map(bytes);
+  return color && normalDepth ? { color, normalDepth } : null;
 }

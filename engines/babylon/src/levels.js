@@ -4,7 +4,8 @@ import { addAttributes } from "./attributes.js";
 import { HAND_OVER, keepAt, NEVER, windForce } from "./laws.js";
 import { LevelPlugin, newNumbers } from "./material.js";
 import { ImpostorPlugin, impostorNumbers, impostorMaterial, QUAD } from "./octahedral.js";
-import { alphaIsShare, hasReplacedLevels, keepShares, useLevels } from "./textures.js";
+import { drawShares, pivotsOf } from "./shares.js";
+import { hasShares, keepShares } from "./textures.js";
 
 /** Reach of growing leaves in crown radii: they extend beyond the crown. */
 const REACH = 1.2;
@@ -15,7 +16,7 @@ const REACH = 1.2;
  * morph, and `handOver`, where the next level begins to appear.
  */
 export async function sourcesOf(container, levels) {
-  for (const { name, extras, numbers, images, pages } of levels) {
+  for (const { name, extras, numbers, pages } of levels) {
     const meshes = meshesOf(container.getNodes().find((node) => node.name === name));
     if (pages) {
       meshes[0].removeVerticesData(VertexBuffer.TangentKind);
@@ -29,7 +30,6 @@ export async function sourcesOf(container, levels) {
       material.albedoTexture.anisotropicFilteringLevel = 1;
       if (extras.level === 0) await keepShares(material);
     }
-    if (images.mips) await useLevels(meshes[0].material.albedoTexture, images.mips);
   }
   const sources = levels.map(({ name, extras, tables, numbers, pages }) => {
     const morphs = Number.isFinite(extras.transition_end);
@@ -93,7 +93,9 @@ export class Level {
   }
 
   #dress(mesh, leaves, prefixes) {
-    mesh.material = this.pages ? this.#impostor(mesh.material) : this.#cloud(mesh.material, leaves);
+    const pivots = leaves && !this.pages ? pivotsOf(mesh.material) : null;
+    mesh.material = this.pages ? this.#impostor(mesh.material) : this.#cloud(mesh.material, leaves, pivots);
+    if (this.pages || pivots) drawShares(mesh);
     const { material } = mesh;
     material.shadowDepthWrapper = new ShadowDepthWrapper(material, mesh.getScene(), { standalone: true });
     // The wind moves points out of any bounds.
@@ -102,16 +104,15 @@ export class Level {
     if (leaves && prefixes) this.#pruned.push({ mesh, prefixes });
   }
 
-  #cloud(original, leaves) {
+  #cloud(original, leaves, pivots) {
     const material = original.clone(original.name);
-    if (hasReplacedLevels(original.albedoTexture)) {
+    if (hasShares(original.albedoTexture)) {
       material.albedoTexture.dispose();
       material.albedoTexture = original.albedoTexture;
     }
     // Levels with baked light store colors above 1 with this factor.
     material.albedoColor?.scaleInPlace(material.metadata?.gltf?.extras?.leafcloud?.light_strength ?? 1);
-    const shares = alphaIsShare(original.albedoTexture);
-    new LevelPlugin(material, { numbers: this.#numbers, leaves, wind: this.wind !== null, shares });
+    new LevelPlugin(material, { numbers: this.#numbers, leaves, wind: this.wind !== null, pivots });
     return material;
   }
 

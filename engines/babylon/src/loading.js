@@ -24,7 +24,7 @@ export async function loadTree(url, scene, { ktx2 = null, tree = 0 } = {}) {
   const content = joined(withLevels(document, { ktx2: ktx2 !== null && (await canTranscode(ktx2)), tree }), rest);
   const container = await LoadAssetContainerAsync(content, scene, { pluginExtension: ".glb", name: url });
   for (const level of levels) {
-    if (level.images.color) level.pages = pagesOf(level.images, scene, `${url} ${level.name}`);
+    if (level.images) level.pages = pagesOf(level.images, scene, `${url} ${level.name}`);
   }
   const textures = levels.flatMap(({ pages }) => Object.values(pages ?? {}));
   // A texture that arrives later would get the sampling of its file again.

@@ -3,6 +3,7 @@ import { MaterialPluginBase } from "@babylonjs/core";
 import { ATTRIBUTES } from "./attributes.js";
 import { LAWS, SHARES } from "./glsl.js";
 import { NEVER } from "./laws.js";
+import { NOT_BENT } from "./shares.js";
 
 /** Uniforms of a level's shaders, with their numbers at rest. Distances are in the file's units. */
 const UNIFORMS = {
@@ -20,6 +21,7 @@ const UNIFORMS = {
   lcWindFoot: [0, 0, 0],
   lcWindShape: [1, 1, 0, 0], // height, spread, gusts, flutter
   lcWindMotion: [0, 0, 0, 0], // force, turns, sway, branches
+  lcMultisampled: [0], // 1 if the picture has several samples a pixel
 };
 /** The table of areas of a level without pruning. */
 const EVEN_SHARES = Array.from({ length: 65 }, (_, i) => (i / 64) ** 2);
@@ -31,7 +33,8 @@ export function declared(uniforms) {
   return Object.entries(uniforms).map(([name, { length }]) => ({ name, size: length, type: TYPES[length] }));
 }
 
-const DECLARED = [...declared(UNIFORMS), { name: "lcShares", size: 1, type: "float", arraySize: EVEN_SHARES.length }];
+const tableOf = (name, { length }) => ({ name, size: 1, type: "float", arraySize: length });
+const DECLARED = [...declared(UNIFORMS), tableOf("lcShares", EVEN_SHARES), tableOf("lcPivots", NOT_BENT)];
 
 /** The tree's place in the world, and the distance by which the laws decide, also for each instance. */
 export const DISTANCE = `
@@ -107,22 +110,30 @@ const CONTRAST = `
     surfaceAlbedo = lc_toward_mean(surfaceAlbedo, lcMean, lc_contrast(lcKept, lcContrast));
 #endif
 `;
-/** The alpha test that follows then draws or discards. */
+const HAS_SHARES = "#if defined(LEAFCLOUD_SHARES) && defined(ALBEDO) && defined(ALPHATEST)";
+/** The alpha test that follows discards or sets alpha to 1. */
 const CUT = `
-#if defined(LEAFCLOUD_SHARES) && defined(ALBEDO) && defined(ALPHATEST)
+${HAS_SHARES}
     vec2 lcTexel = vAlbedoUV * vec2(textureSize(albedoSampler, 0));
-    vec2 lcAcross = dFdx(lcTexel), lcDown = dFdy(lcTexel);
-    float lcLevel = max(0.5 * log2(max(dot(lcAcross, lcAcross), dot(lcDown, lcDown))), 0.0); // as textures are read
-    alpha = alpha < mix(ALPHATESTVALUE, lc_share_cutoff(lcRest, lcTexel, lcLevel), min(lcLevel, 1.0)) ? 0.0 : 1.0;
+    float lcLevel = lc_mip_level(lcTexel);
+    float lcRandom = lc_share_cutoff(lcRest, lcTexel, lcLevel);
+    lcDrawn = lc_drawn(alpha, ALPHATESTVALUE, lc_pivot(lcPivots, lcLevel), lcRandom, lcLevel, lcMultisampled > 0.5);
+    alpha = lcDrawn > 0.0 ? 1.0 : 0.0;
+#endif
+`;
+const COVER = `
+${HAS_SHARES}
+    alpha = lcDrawn;
 #endif
 `;
 /** Code for all meshes: the constructor of a plug-in asks for it before it knows the kind. */
 const CODE = {
   vertex: { CUSTOM_VERTEX_DEFINITIONS: LAWS + DISTANCE + LEAVES, CUSTOM_VERTEX_UPDATE_POSITION: MOVE },
   fragment: {
-    CUSTOM_FRAGMENT_DEFINITIONS: `${LAWS}${SHARES}flat varying float lcDistanceSeen;\nvarying vec3 lcRest;\n`,
+    CUSTOM_FRAGMENT_DEFINITIONS: `${LAWS}${SHARES}flat varying float lcDistanceSeen;\nvarying vec3 lcRest;\nfloat lcDrawn;\n`,
     CUSTOM_FRAGMENT_MAIN_BEGIN: FADE,
     CUSTOM_FRAGMENT_UPDATE_ALBEDO: CONTRAST + CUT,
+    CUSTOM_FRAGMENT_UPDATE_ALPHA: COVER,
   },
 };
 
@@ -135,18 +146,18 @@ export class LevelPlugin extends MaterialPluginBase {
   #numbers;
   #leaves;
   #wind;
-  #shares;
+  #pivots;
 
   /**
    * `numbers`: of the level's shaders. `leaves`: whether the mesh has the attributes of leaves. `wind`: whether the tree has wind.
-   * `shares`: whether alpha is the share of drawn texels in the texture's mip levels.
+   * `pivots`: of a texture whose alpha is a share; or null.
    */
-  constructor(material, { numbers, leaves, wind, shares = false }) {
+  constructor(material, { numbers, leaves, wind, pivots = null }) {
     super(material, "Leafcloud", 200, { LEAFCLOUD_LEAVES: false, LEAFCLOUD_WIND: false, LEAFCLOUD_SHARES: false }, true, true);
     this.#numbers = numbers;
     this.#leaves = leaves;
     this.#wind = wind;
-    this.#shares = shares;
+    this.#pivots = pivots;
   }
 
   isCompatible(language) {
@@ -160,7 +171,7 @@ export class LevelPlugin extends MaterialPluginBase {
   prepareDefines(defines) {
     defines.LEAFCLOUD_LEAVES = this.#leaves;
     defines.LEAFCLOUD_WIND = this.#wind;
-    defines.LEAFCLOUD_SHARES = this.#shares;
+    defines.LEAFCLOUD_SHARES = this.#pivots !== null;
   }
 
   getAttributes(attributes) {
@@ -178,9 +189,10 @@ export class LevelPlugin extends MaterialPluginBase {
     return { ubo: this.declared, vertex: text, fragment: text };
   }
 
-  bindForSubMesh(buffer) {
+  bindForSubMesh(buffer, scene, engine) {
+    const own = { lcPivots: this.#pivots ?? NOT_BENT, lcMultisampled: [Number(engine.currentSampleCount > 1)] };
     for (const { name, size, arraySize } of this.declared) {
-      const numbers = this.#numbers[name];
+      const numbers = own[name] ?? this.#numbers[name];
       if (arraySize) buffer.updateFloatArray(name, numbers);
       else buffer[`updateFloat${size > 1 ? size : ""}`](name, ...numbers);
     }

@@ -1,6 +1,6 @@
 // Octahedral impostors: a quad in place of the cross impostor of the last level, by the law of octahedral.glsl.
 import { PBRMaterial, Texture, VertexData } from "@babylonjs/core";
-import { LAWS, OCTAHEDRAL } from "./glsl.js";
+import { LAWS, OCTAHEDRAL, SHARES } from "./glsl.js";
 import { declared, DISTANCE, FADE, LevelPlugin } from "./material.js";
 
 /** The corners of a quad; the shader places them. */
@@ -12,13 +12,13 @@ export const QUAD = Object.assign(new VertexData(), {
 });
 
 /** Returns the numbers of an impostor's shaders by the extras of its level. */
-export function impostorNumbers({ to_layout: rows, extent, half, grid, texels, alpha_cutoff: cutoff }) {
+export function impostorNumbers({ to_layout: rows, extent, half, grid, texels }) {
   const layout = { lcLayoutX: rows.slice(0, 4), lcLayoutY: rows.slice(4, 8), lcLayoutZ: rows.slice(8, 12) };
-  return { ...layout, lcExtent: extent, lcHalfBox: half, lcViews: [grid, texels], lcCutoff: [cutoff] };
+  return { ...layout, lcExtent: extent, lcHalfBox: half, lcViews: [grid, texels] };
 }
 
 const ROW = [0, 0, 0, 0];
-const SIZES = { lcLayoutX: ROW, lcLayoutY: ROW, lcLayoutZ: ROW, lcExtent: [0, 0], lcHalfBox: [0, 0, 0], lcViews: [0, 0], lcCutoff: [0] };
+const SIZES = { lcLayoutX: ROW, lcLayoutY: ROW, lcLayoutZ: ROW, lcExtent: [0, 0], lcHalfBox: [0, 0, 0], lcViews: [0, 0] };
 
 const IMPOSTOR = `
 LcOctahedral lcImpostor() {
@@ -51,8 +51,11 @@ const COLOR = `
     vec3 lcNormal;
     float lcLight;
     float lcTexels = 0.5 * lcViews.y * max(length(dFdx(lcCorner)), length(dFdy(lcCorner)));
-    lc_octahedral(lcColorPage, lcNormalPage, lcPoint, normalize(lcEye), log2(lcTexels), lcImpostor(), lcSeen, lcNormal, lcLight);
-    if (lcSeen.a < lcCutoff) discard;
+    float lcLod = log2(lcTexels);
+    lc_octahedral(lcColorPage, lcNormalPage, lcPoint, normalize(lcEye), lcLod, lcImpostor(), lcSeen, lcNormal, lcLight);
+    float lcCutoff = lc_share_cutoff(lcPoint, 0.5 * lcViews.y * lcCorner, max(lcLod, 0.0));
+    alpha = lcMultisampled > 0.5 ? lcSeen.a : lcSeen.a < lcCutoff ? 0.0 : 1.0;
+    if (alpha == 0.0) discard;
     surfaceAlbedo *= lcSeen.rgb;
     normalW = normalize(lcNormalToWorld * lcNormal);
 `;
@@ -63,7 +66,7 @@ uniform highp sampler2D lcNormalPage;
 const CODE = {
   vertex: { CUSTOM_VERTEX_DEFINITIONS: LAWS + OCTAHEDRAL + DISTANCE + VARYINGS + IMPOSTOR, CUSTOM_VERTEX_UPDATE_POSITION: CORNER },
   fragment: {
-    CUSTOM_FRAGMENT_DEFINITIONS: `${LAWS}${OCTAHEDRAL}${PAGES}${VARYINGS}flat varying float lcDistanceSeen;\n${IMPOSTOR}`,
+    CUSTOM_FRAGMENT_DEFINITIONS: `${LAWS}${OCTAHEDRAL}${SHARES}${PAGES}${VARYINGS}flat varying float lcDistanceSeen;\n${IMPOSTOR}`,
     CUSTOM_FRAGMENT_MAIN_BEGIN: FADE,
     CUSTOM_FRAGMENT_BEFORE_LIGHTS: COLOR,
   },
@@ -117,8 +120,8 @@ export class ImpostorPlugin extends LevelPlugin {
     return Object.values(this.#pages).includes(texture);
   }
 
-  bindForSubMesh(buffer) {
-    super.bindForSubMesh(buffer);
+  bindForSubMesh(buffer, scene, engine) {
+    super.bindForSubMesh(buffer, scene, engine);
     buffer.setTexture("lcColorPage", this.#pages.color);
     buffer.setTexture("lcNormalPage", this.#pages.normalDepth);
   }

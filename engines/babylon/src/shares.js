@@ -1,0 +1,37 @@
+// Alpha as the share of a texel that leaves cover, by the law of shares.glsl.
+import { Constants, Material } from "@babylonjs/core";
+import { hasShares } from "./textures.js";
+
+/** Length of the shader's table of pivots. */
+const MIPS = 16;
+
+/** The pivots of a texture whose alpha is the share itself. */
+export const NOT_BENT = new Array(MIPS).fill(0.5);
+
+/**
+ * Returns the pivots of the mip levels of a cut-out material whose alpha is a share: on atlas pages, and on textures of leaves with such
+ * mip levels; else null.
+ */
+export function pivotsOf({ albedoTexture: texture, transparencyMode, metadata }) {
+  if (transparencyMode !== Material.MATERIAL_ALPHATEST || !texture || hasShares(texture) === false) return null;
+  const pivots = metadata?.gltf?.extras?.leafcloud?.alphaPivots;
+  if (!pivots || texture.mimeType !== "image/ktx2") return NOT_BENT;
+  return NOT_BENT.map((_, i) => pivots[Math.min(i, pivots.length - 1)]);
+}
+
+/** Makes a mesh draw as large a share of a pixel's samples as its alpha, if there are several. */
+export function drawShares(mesh) {
+  const engine = mesh.getScene().getEngine();
+  mesh.onBeforeBindObservable.add(() => setShares(engine, engine.currentSampleCount > 1));
+  mesh.onAfterRenderObservable.add(() => setShares(engine, false));
+}
+
+/** Sets alpha to coverage, and a blending that keeps the alpha of an opaque background. */
+function setShares(engine, on) {
+  const { alphaState } = engine;
+  engine.setAlphaToCoverage(on);
+  alphaState.setAlphaBlend(on);
+  if (!on) return;
+  alphaState.setAlphaBlendFunctionParameters(1, 0, 1, Constants.GL_ALPHA_FUNCTION_ONE_MINUS_SRC_ALPHA);
+  alphaState.setAlphaEquationParameters(Constants.GL_ALPHA_EQUATION_ADD, Constants.GL_ALPHA_EQUATION_ADD);
+}
