@@ -1,6 +1,6 @@
 // Runs shaders in this machine's WebGL 2 and answers with their results. The type of the question follows from its keys.
 //
-// {tables: [{expression, rows}], shares}: evaluates the vec4 `expression` of leafcloud.glsl for each row of 16 numbers,
+// {tables: [{expression, rows}], shares}: evaluates the vec4 `expression` of leafcloud.glsl and shares.glsl for each row of 16 numbers,
 // x0 … x3 (vec4), through transform feedback. `shares` is the table of areas. The answer has four numbers for each row.
 //
 // {tree, settings, eyes, seconds}: views the file in the viewer from each of the `eyes`, after `seconds` of wind. The
@@ -20,12 +20,15 @@
 // `side` × `side` × 4 floats, lowest row first, 0 in empty pixels. An image is a file of RGBA bytes, lowest row first,
 // sRGB if `encoded`. `samplers` map names to images, "" to white.
 import * as THREE from "three";
+import { SHARES } from "/engines/three/src/glsl.js";
 import { LAWS, Tree } from "/engines/three/src/index.js";
 import { loadFile } from "/engines/three/src/loading.js";
 import { placing } from "/engines/three/src/materials.js";
 
 const gl = new OffscreenCanvas(1, 1).getContext("webgl2");
 const HEADER = "#version 300 es\nprecision highp float;\nout vec4 result;\n";
+/** Vertex shaders have no derivatives. */
+const NO_DERIVATIVES = "#define dFdx(x) (x)\n#define dFdy(x) (x)\n#define fwidth(x) (x)\n";
 
 function compiled(kind, source) {
   const shader = gl.createShader(kind);
@@ -94,7 +97,7 @@ function captured(count, width) {
 }
 
 function tabulated({ expression, rows }, shares) {
-  const source = `${HEADER}${LAWS}
+  const source = `${HEADER}${NO_DERIVATIVES}${LAWS}${SHARES}
     uniform float lcShares[LC_SHARES];
     in vec4 x0; in vec4 x1; in vec4 x2; in vec4 x3;
     void main() { result = ${expression}; }`;

@@ -1,4 +1,4 @@
-"""The functions of leafcloud.glsl on WebGL 2, compared with the laws in f64.
+"""The functions of leafcloud.glsl and shares.glsl on WebGL 2, compared with the laws in f64.
 
 The bounds follow from the guarantees for single precision in Vulkan ("Precision of GLSL.std.450"): sums and products
 are rounded once, quotients are within 2.5 ulp, square roots and their inverses within some 3 ulp, log2 within 3 ulp and
@@ -96,6 +96,23 @@ def scale_table(shares: Floats) -> Table:
     return Table("vec4(lc_area_scale(x0.x, lcShares))", arguments, 1.0 / np.sqrt(drawn), bound)
 
 
+def bent_table() -> Table:
+    """Shares that a texture bends at a pivot: one half where the share is the pivot, and linear on either side."""
+    arguments = grid(np.linspace(0.0, 1.0, 21), [0.02, 0.25, 0.5, 0.8])
+    share, pivot = arguments.T
+    alpha = np.where(share < pivot, 0.5 * share / pivot, 0.5 + 0.5 * (share - pivot) / (1.0 - pivot))
+    # Alpha is rounded to f32, and so are a difference, two products and a sum. A slope is at most 2.
+    return Table("vec4(lc_share(x0.x, x0.y))", np.stack([alpha, pivot], -1), share, 6.0 * ULP)
+
+
+def pivot_table() -> Table:
+    """Pivots 0, 1/16, 2/16 … of 16 mip levels."""
+    arguments = np.array([[0.0], [0.25], [1.0], [7.5], [14.75], [15.0], [15.5], [40.0]])
+    pivots = ", ".join(f"{i}.0 / 16.0" for i in range(16))
+    expression = f"vec4(lc_pivot(float[16]({pivots}), x0.x))"
+    return Table(expression, arguments, np.minimum(arguments[:, 0], 15.0) / 16.0, 4.0 * ULP)
+
+
 def place_table() -> Table:
     rng = np.random.default_rng(3)
     points = rng.normal(size=(60, 12)).astype("f4")
@@ -177,6 +194,8 @@ def tables() -> dict[str, tuple[Table, Floats]]:
         "growth": growth_table(),
         "share": share_table(shares),
         "scale": scale_table(shares),
+        "bent": bent_table(),
+        "pivot": pivot_table(),
         "place": place_table(),
         "trend": trend_table("vec4(lc_trend(x0.x, x0.yz))", np.inf),
         "contrast": trend_table("vec4(lc_contrast(x0.x, x0.yz))", 1.0),
@@ -191,7 +210,7 @@ def tables() -> dict[str, tuple[Table, Floats]]:
 
 @pytest.mark.parametrize(
     "name",
-    ["transition", "keep", "ramp", "growth", "share", "scale", "place", "trend", "contrast", "mean"],
+    ["transition", "keep", "ramp", "growth", "share", "scale", "bent", "pivot", "place", "trend", "contrast", "mean"],
 )
 def test_a_function_follows_its_law(tables: dict[str, tuple[Table, Floats]], name: str) -> None:
     table, found = tables[name]

@@ -402,9 +402,9 @@ float lc_pivot(float pivots[LC_MIPS], float level) {
     return mix(pivots[finer], pivots[min(finer + 1, LC_MIPS - 1)], fract(level));
 }
 
-// The share of a pixel's samples to draw, as alpha for alpha to coverage; without multisampling 0 or 1. Magnified texels have sharp outlines
-// at the material's \`cutoff\`. From mip level 1 on \`random\`, the cutoff of the place, decides about whole pixels, with multisampling, too:
-// alpha to coverage draws equal shares of leaves behind one another in the same samples, so that crowns would cover up to half less.
+// The share of a pixel's samples to draw, as alpha for alpha to coverage; without multisampling 0 or 1. Magnified texels have sharp
+// outlines at the material's \`cutoff\`. From mip level 1 on \`random\`, the cutoff of the place, decides about whole pixels, also with
+// multisampling: alpha to coverage draws the same samples of leaves behind one another, so that crowns would cover up to half less.
 float lc_drawn(float alpha, float cutoff, float pivot, float random, float level, bool multisampled) {
     float minified = min(level, 1.0);
     float sharp = clamp((alpha - cutoff) / max(fwidth(alpha), 1e-4) + 0.5, 0.0, 1.0);
