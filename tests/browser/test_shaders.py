@@ -97,12 +97,13 @@ def scale_table(shares: Floats) -> Table:
 
 
 def bent_table() -> Table:
-    """Shares that a texture bends at a pivot: one half where the share is the pivot, and linear on either side."""
-    arguments = grid(np.linspace(0.0, 1.0, 21), [0.02, 0.25, 0.5, 0.8])
-    share, pivot = arguments.T
-    alpha = np.where(share < pivot, 0.5 * share / pivot, 0.5 + 0.5 * (share - pivot) / (1.0 - pivot))
-    # Alpha is rounded to f32, and so are a difference, two products and a sum. A slope is at most 2.
-    return Table("vec4(lc_share(x0.x, x0.y))", np.stack([alpha, pivot], -1), share, 6.0 * ULP)
+    """Shares that a texture bends at a pivot: the cutoff where the share is the pivot, and linear on either side."""
+    share, pivot, cutoff = grid(np.linspace(0.0, 1.0, 21), [0.02, 0.25, 0.5, 0.8], [0.3, 0.5, 0.6]).T
+    above = cutoff + (1.0 - cutoff) * (share - pivot) / (1.0 - pivot)
+    alpha = np.where(share < pivot, cutoff * share / pivot, above)
+    # Alpha is rounded to f32, then two differences, a product, a quotient and a sum. A slope is at most 2.7.
+    arguments = np.stack([alpha, pivot, cutoff], -1)
+    return Table("vec4(lc_share(x0.x, x0.y, x0.z))", arguments, share, 12.0 * ULP)
 
 
 def pivot_table() -> Table:

@@ -3,7 +3,7 @@ import { MaterialPluginBase } from "@babylonjs/core";
 import { ATTRIBUTES } from "./attributes.js";
 import { LAWS, SHARES } from "./glsl.js";
 import { NEVER } from "./laws.js";
-import { NOT_BENT } from "./shares.js";
+import { MIPS } from "./shares.js";
 
 /** Uniforms of a level's shaders, with their numbers at rest. Distances are in the file's units. */
 const UNIFORMS = {
@@ -23,6 +23,7 @@ const UNIFORMS = {
   lcWindMotion: [0, 0, 0, 0], // force, turns, sway, branches
   lcMultisampled: [0], // 1 if the picture has several samples a pixel
 };
+const NO_PIVOTS = new Array(MIPS).fill(0);
 /** The table of areas of a level without pruning. */
 const EVEN_SHARES = Array.from({ length: 65 }, (_, i) => (i / 64) ** 2);
 
@@ -34,7 +35,7 @@ export function declared(uniforms) {
 }
 
 const tableOf = (name, { length }) => ({ name, size: 1, type: "float", arraySize: length });
-const DECLARED = [...declared(UNIFORMS), tableOf("lcShares", EVEN_SHARES), tableOf("lcPivots", NOT_BENT)];
+const DECLARED = [...declared(UNIFORMS), tableOf("lcShares", EVEN_SHARES), tableOf("lcPivots", NO_PIVOTS)];
 
 /** The tree's place in the world, and the distance by which the laws decide, also for each instance. */
 export const DISTANCE = `
@@ -190,7 +191,7 @@ export class LevelPlugin extends MaterialPluginBase {
   }
 
   bindForSubMesh(buffer, scene, engine) {
-    const own = { lcPivots: this.#pivots ?? NOT_BENT, lcMultisampled: [Number(engine.currentSampleCount > 1)] };
+    const own = { lcPivots: this.#pivots ?? NO_PIVOTS, lcMultisampled: [Number(engine.currentSampleCount > 1)] };
     for (const { name, size, arraySize } of this.declared) {
       const numbers = own[name] ?? this.#numbers[name];
       if (arraySize) buffer.updateFloatArray(name, numbers);

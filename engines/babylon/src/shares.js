@@ -3,20 +3,17 @@ import { Constants, Material } from "@babylonjs/core";
 import { hasShares } from "./textures.js";
 
 /** Length of the shader's table of pivots. */
-const MIPS = 16;
-
-/** The pivots of a texture whose alpha is the share itself. */
-export const NOT_BENT = new Array(MIPS).fill(0.5);
+export const MIPS = 16;
 
 /**
  * Returns the pivots of the mip levels of a cut-out material whose alpha is a share: on atlas pages, and on textures of leaves with such
  * mip levels; else null.
  */
-export function pivotsOf({ albedoTexture: texture, transparencyMode, metadata }) {
+export function pivotsOf({ albedoTexture: texture, transparencyMode, alphaCutOff, metadata }) {
   if (transparencyMode !== Material.MATERIAL_ALPHATEST || !texture || hasShares(texture) === false) return null;
-  const pivots = metadata?.gltf?.extras?.leafcloud?.alphaPivots;
-  if (!pivots || texture.mimeType !== "image/ktx2") return NOT_BENT;
-  return NOT_BENT.map((_, i) => pivots[Math.min(i, pivots.length - 1)]);
+  const bent = texture.mimeType === "image/ktx2" && metadata?.gltf?.extras?.leafcloud?.alphaPivots;
+  const pivots = bent || [alphaCutOff];
+  return Array.from({ length: MIPS }, (_, i) => pivots[Math.min(i, pivots.length - 1)]);
 }
 
 /** Makes a mesh draw as large a share of a pixel's samples as its alpha, if there are several. */

@@ -391,9 +391,9 @@ float lc_mip_level(vec2 texel) {
     return max(0.5 * log2(max(dot(across, across), dot(down, down))), 0.0);
 }
 
-// The share that was bent to this alpha at a pivot: above it alpha exceeds one half, as readers without this law want. 0.5: not bent.
-float lc_share(float alpha, float pivot) {
-    return alpha < 0.5 ? 2.0 * pivot * alpha : pivot + 2.0 * (alpha - 0.5) * (1.0 - pivot);
+// The share that was bent to this alpha: a share of \`pivot\` became the material's cutoff, as readers that cut alpha out want.
+float lc_share(float alpha, float pivot, float cutoff) {
+    return alpha < cutoff ? pivot * alpha / cutoff : pivot + (alpha - cutoff) * (1.0 - pivot) / max(1.0 - cutoff, 1e-3);
 }
 
 // The pivot at the mip level that is read, by the pivots of all mip levels.
@@ -408,7 +408,7 @@ float lc_pivot(float pivots[LC_MIPS], float level) {
 float lc_drawn(float alpha, float cutoff, float pivot, float random, float level, bool multisampled) {
     float minified = min(level, 1.0);
     float sharp = clamp((alpha - cutoff) / max(fwidth(alpha), 1e-4) + 0.5, 0.0, 1.0);
-    float whole = mix(sharp, lc_share(alpha, pivot), minified) < mix(0.5, random, minified) ? 0.0 : 1.0;
+    float whole = mix(sharp, lc_share(alpha, pivot, cutoff), minified) < mix(0.5, random, minified) ? 0.0 : 1.0;
     return multisampled ? mix(sharp, whole, minified) : whole;
 }
 `;

@@ -16,6 +16,6 @@ export const FRACTIONAL = {
 
 /** Returns the numbers by which a cut-out material draws shares: its cutoff, and the pivots of the mip levels. */
 export function cutOf({ map, alphaTest, userData }) {
-  const pivots = (map.isCompressedTexture && userData.leafcloud?.alphaPivots) || [0.5];
+  const pivots = (map.isCompressedTexture && userData.leafcloud?.alphaPivots) || [alphaTest];
   return { cutoff: alphaTest, pivots: Array.from({ length: MIPS }, (_, i) => pivots[Math.min(i, pivots.length - 1)]) };
 }

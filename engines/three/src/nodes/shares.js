@@ -57,9 +57,9 @@ function levelAt(texel) {
   return max(log2(max(dot(across, across), dot(down, down))).mul(0.5), 0).toVar();
 }
 
-function shareOf(alpha, pivot) {
-  const above = pivot.add(alpha.sub(0.5).mul(2).mul(pivot.oneMinus()));
-  return select(alpha.lessThan(0.5), alpha.mul(pivot).mul(2), above);
+function shareOf(alpha, pivot, cutoff) {
+  const above = pivot.add(alpha.sub(cutoff).mul(pivot.oneMinus()).div(Math.max(1 - cutoff, 1e-3)));
+  return select(alpha.lessThan(cutoff), pivot.mul(alpha).div(cutoff), above);
 }
 
 function pivotAt(pivots, level) {
@@ -80,7 +80,7 @@ export function drawnOfLeaf(sampled, map, { cutoff, pivots }) {
   const level = levelAt(texel);
   const minified = min(level, 1).toVar();
   const sharp = clamp(sampled.a.sub(cutoff).div(max(fwidth(sampled.a), 1e-4)).add(0.5), 0, 1).toVar();
-  const share = mix(sharp, shareOf(sampled.a, pivotAt(pivots, level)), minified);
+  const share = mix(sharp, shareOf(sampled.a, pivotAt(pivots, level).toVar(), cutoff), minified);
   const isDrawn = share.greaterThanEqual(mix(0.5, shareCutoff(place, texel, level), minified));
   const whole = select(isDrawn, float(1), float(0)).toVar();
   return [mix(whole, mix(sharp, whole, minified), multisampled), isDrawn];
