@@ -1,8 +1,7 @@
 extends SceneTree
 ## Reads tree.glb while the game runs, and draws it beside the imported one: godot --script loaded.gd -- FOLDER. Writes
-## loaded.json: the levels of both, whether textures have mip levels, and the name of the last level's material; imported.bin
-## and loaded.bin: the texels of its page with all mip levels; imported_N.png and loaded_N.png: from N tenths of the first
-## hand-over.
+## loaded.json: the levels of both, and whether textures have mip levels; imported_N.png and loaded_N.png: from N tenths of
+## the first hand-over.
 
 const Stage := preload("stage.gd")
 
@@ -15,13 +14,8 @@ func _initialize() -> void:
 	var imported: LeafcloudTree = load("res://tree.glb").instantiate()
 	var loaded := LeafcloudTree.load_glb(ProjectSettings.globalize_path("res://tree.glb"))
 	var found := {"levels": [], "mips": []}
-	for named: Array in [["imported", imported], ["loaded", loaded]]:
-		var levels: Array = LeafcloudTree.trees_of(named[1])[0]
-		var last: ShaderMaterial = levels[-1].mesh.surface_get_material(0)
-		found["material"] = last.resource_name
-		var file := FileAccess.open("%s/%s.bin" % [folder, named[0]], FileAccess.WRITE)
-		file.store_buffer(last.get_shader_parameter("base_texture").get_image().get_data())
-		file.close()
+	for tree: LeafcloudTree in [imported, loaded]:
+		var levels: Array = LeafcloudTree.trees_of(tree)[0]
 		found["levels"].append(levels.size())
 		var material: ShaderMaterial = levels[1].mesh.surface_get_material(0)
 		found["mips"].append(material.get_shader_parameter("base_texture").get_image().has_mipmaps())

@@ -30,7 +30,6 @@ func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error
 		return ERR_SKIP
 	if extensions.has("KHR_texture_basisu"):
 		push_warning("Leafcloud: Godot draws the KTX2 textures of this file far too dark. Bake it with --engine godot.")
-	state.set_additional_data(META, {}) # Pages with mip levels. Godot calls reading unset data an error.
 	# The other levels are in no scene, so that plain readers show the tree once.
 	var json := state.json
 	var levels := []
@@ -179,7 +178,6 @@ static func _material(from: Material, own: Dictionary[Texture2D, Texture2D]) -> 
 		"base_texture": own.get(plain.albedo_texture, plain.albedo_texture),
 		"base_color": plain.albedo_color,
 		"alpha_cutoff": plain.alpha_scissor_threshold if _is_cut(plain) else 0.0,
-		"alpha_is_share": _is_cut(plain) and own.has(plain.albedo_texture),
 		"normal_texture": plain.normal_texture if plain.normal_enabled else null,
 		"normal_scale": plain.normal_scale if plain.normal_enabled else 0.0,
 		"roughness_texture": plain.roughness_texture,
@@ -193,8 +191,8 @@ static func _material(from: Material, own: Dictionary[Texture2D, Texture2D]) -> 
 	return made
 
 
-## What the file says of a material and Godot's importer does not read: light that goes through leaves, the strength of
-## baked light, whose colors end at 1, and the mip levels of its page.
+## What the file says of a material and Godot's importer does not read: light that goes through leaves, and the strength
+## of baked light, whose colors end at 1.
 static func _unread(state: GLTFState, name: String) -> Dictionary:
 	for material: Dictionary in state.json.get("materials", []):
 		if name == "" or material.get("name", "") != name:
@@ -202,23 +200,11 @@ static func _unread(state: GLTFState, name: String) -> Dictionary:
 		var through: Dictionary = material.get("extensions", {}).get("KHR_materials_diffuse_transmission", {})
 		var own: Dictionary = material.get("extras", {}).get("leafcloud", {})
 		return {
-			"base_texture": _page(state, material, own["mipLevels"]) if own.has("mipLevels") else null,
 			"light_strength": own.get("light_strength"),
 			"translucency": through.get("diffuseTransmissionFactor"),
 			"translucency_texture": _texture(state, through.get("diffuseTransmissionColorTexture", {})),
 		}
 	return {}
-
-
-## The texture of a page with its own mip levels. Materials may share it.
-static func _page(state: GLTFState, material: Dictionary, levels: Dictionary) -> Texture2D:
-	var pages: Dictionary = state.get_additional_data(META)
-	if not pages.has(levels["index"]):
-		var color: Dictionary = material["pbrMetallicRoughness"]["baseColorTexture"]
-		var page := _texture(state, color)
-		var image := _texture(state, levels)
-		pages[levels["index"]] = LeafTexture.with_levels(page, image) if page != null and image != null else page
-	return pages[levels["index"]]
 
 
 ## The texture of a reference in a material; null if it has none, as after tools that number textures anew.

@@ -9,49 +9,15 @@ const HALF_A_CODE := 0.5 / 255.0
 ## The texture of the leaves themselves with mip levels in which alpha is the share of the texels that the cutoff leaves, and
 ## the color is the mean of these texels.
 static func with_mips(texture: Texture2D, cutoff: float) -> Texture2D:
-	var image := _plain_image(texture)
-	var smaller := _smaller_levels(image, cutoff)
-	image.fix_alpha_edges()
-	image.set_data(image.get_width(), image.get_height(), true, Image.FORMAT_RGBA8, image.get_data() + smaller.get_data())
-	return _stored(image)
-
-
-## The texture of an atlas page with the mip levels of its file. They lie under one another in `levels`; the first replaces
-## the page. A page of another size, as other tools write, stays.
-static func with_levels(page: Texture2D, levels: Texture2D) -> Texture2D:
-	var image := _plain_image(levels)
-	var sizes := _sizes(Vector2i(page.get_size()))
-	var height: int = sizes.reduce(func(sum: int, size: Vector2i) -> int: return sum + size.y, 0)
-	if image.get_size() != Vector2i(sizes[0].x, height):
-		return page
-	var rows := image.get_data()
-	var texels := PackedByteArray()
-	var top := 0
-	for size: Vector2i in sizes:
-		for y in size.y:
-			var at := 4 * (top + y) * image.get_width()
-			texels.append_array(rows.slice(at, at + 4 * size.x))
-		top += size.y
-	return _stored(Image.create_from_data(sizes[0].x, sizes[0].y, true, Image.FORMAT_RGBA8, texels))
-
-
-## The sizes of a texture and its mip levels.
-static func _sizes(size: Vector2i) -> Array[Vector2i]:
-	var sizes: Array[Vector2i] = [size]
-	while size != Vector2i.ONE:
-		size = (size / 2).max(Vector2i.ONE)
-		sizes.append(size)
-	return sizes
-
-
-## The texture's image without mip levels, four codes a texel.
-static func _plain_image(texture: Texture2D) -> Image:
 	var image := texture.get_image()
 	if image.is_compressed():
 		image.decompress()
 	image.clear_mipmaps()
 	image.convert(Image.FORMAT_RGBA8)
-	return image
+	var smaller := _smaller_levels(image, cutoff)
+	image.fix_alpha_edges()
+	image.set_data(image.get_width(), image.get_height(), true, Image.FORMAT_RGBA8, image.get_data() + smaller.get_data())
+	return _stored(image)
 
 
 ## The texture with Godot's own mip levels.
