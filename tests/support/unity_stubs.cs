@@ -13,7 +13,14 @@ namespace UnityEngine
     }
     public class Component : Object { }
     public class Transform : Component { public void SetParent(Transform parent, bool worldPositionStays) { } }
-    public class Renderer : Component { }
+    public class Renderer : Component { public Material[] sharedMaterials { get; set; } }
+    public class Material : Object
+    {
+        public Material(Material source) { }
+        public bool HasProperty(string name) { return false; }
+        public bool IsKeywordEnabled(string keyword) { return false; }
+        public void SetFloat(string name, float value) { }
+    }
     public struct LOD { public LOD(float screenRelativeTransitionHeight, Renderer[] renderers) { } }
     public enum LODFadeMode { None, CrossFade, SpeedTree }
     public class LODGroup : Component
@@ -34,7 +41,11 @@ namespace UnityEditor
     using UnityEngine;
 
     public class AssetPostprocessor { }
-    public static class AssetDatabase { public static T LoadAssetAtPath<T>(string path) where T : Object { return null; } }
+    public static class AssetDatabase
+    {
+        public static T LoadAssetAtPath<T>(string path) where T : Object { return null; }
+        public static void CreateAsset(Object asset, string path) { }
+    }
     public static class PrefabUtility
     {
         public static Object InstantiatePrefab(Object asset) { return null; }

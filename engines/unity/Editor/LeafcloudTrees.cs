@@ -2,7 +2,7 @@
 //
 // Copy this file into a folder named Editor, and all GLB files of a bake (--engine unity) into one folder of the project. It needs
 // an importer of GLB files such as glTFast or UnityGLTF. NAME.prefab has all levels under one parent; they take over at the
-// heights that NAME.glb gives, and cross-fade.
+// heights that NAME.glb gives, and cross-fade. Multisampling smooths the edges of leaves where the shader has alpha to mask.
 using System;
 using System.Collections.Generic;
 using System.IO;
@@ -15,6 +15,7 @@ namespace Leafcloud
     public class LeafcloudTrees : AssetPostprocessor
     {
         const string First = "_LOD0.glb";
+        const string AlphaToMask = "_AlphaToMask";
 
         static void OnPostprocessAllAssets(
             string[] importedAssets, string[] deletedAssets, string[] movedAssets, string[] movedFromAssetPaths)
@@ -41,6 +42,7 @@ namespace Leafcloud
             try
             {
                 var levels = new List<LOD>();
+                var copies = new Dictionary<Material, Material>();
                 for (int number = 0; number < heights.Length; number++)
                 {
                     var asset = AssetDatabase.LoadAssetAtPath<GameObject>(stem + "_LOD" + number + ".glb");
@@ -54,7 +56,10 @@ namespace Leafcloud
                     }
                     var level = (GameObject)PrefabUtility.InstantiatePrefab(asset);
                     level.transform.SetParent(root.transform, false);
-                    levels.Add(new LOD(heights[number], level.GetComponentsInChildren<Renderer>()));
+                    Renderer[] parts = level.GetComponentsInChildren<Renderer>();
+                    foreach (Renderer part in parts)
+                        part.sharedMaterials = Array.ConvertAll(part.sharedMaterials, each => Smoothed(each, copies, stem));
+                    levels.Add(new LOD(heights[number], parts));
                 }
                 AddGroup(root, levels.ToArray(), 2f * first.extras.leafcloud.radius * Scale(first));
                 PrefabUtility.SaveAsPrefabAsset(root, stem + ".prefab");
@@ -63,6 +68,22 @@ namespace Leafcloud
             {
                 UnityEngine.Object.DestroyImmediate(root);
             }
+        }
+
+        /// Returns a copy of a cutout material with alpha to mask on; any other material itself. Materials of an imported file
+        /// cannot be changed.
+        static Material Smoothed(Material material, Dictionary<Material, Material> copies, string stem)
+        {
+            if (!material.HasProperty(AlphaToMask) || !material.IsKeywordEnabled("_ALPHATEST_ON"))
+                return material;
+            if (!copies.ContainsKey(material))
+            {
+                var copy = new Material(material);
+                copy.SetFloat(AlphaToMask, 1f);
+                AssetDatabase.CreateAsset(copy, stem + "_cutout" + copies.Count + ".mat");
+                copies[material] = copy;
+            }
+            return copies[material];
         }
 
         /// Adds a LODGroup whose heights are those of a sphere with this diameter.
