@@ -6,6 +6,7 @@ In the editor's Python console, with the plugin *Python Editor Script Plugin*:
 
 The files of single levels (pine_LOD0.glb …) must lie beside pine.glb, which tells the screen sizes at which levels take
 over. Static meshes have no morph targets: to hide the switch turn *Dithered LOD Transition* on in the materials.
+Temporal antialiasing smooths the edges of leaves where the script can turn *Dither Opacity Mask* on.
 """
 
 from __future__ import annotations
@@ -70,6 +71,25 @@ def import_level(file: Path, folder: str) -> Any:
     return meshes[0]
 
 
+def dither_masks(mesh: Any) -> None:
+    """Turn *Dither Opacity Mask* on in the masked materials of a mesh. Warn about instances: their parent decides."""
+    slots = mesh.get_editor_property("static_materials")
+    materials = [slot.get_editor_property("material_interface") for slot in slots]
+    for material in materials:
+        if material.get_blend_mode() != unreal.BlendMode.BLEND_MASKED:
+            continue
+        if isinstance(material, unreal.Material):
+            material.set_editor_property("dither_opacity_mask", True)
+            unreal.MaterialEditingLibrary.recompile_material(material)
+            unreal.EditorAssetLibrary.save_loaded_asset(material)
+        else:
+            parent = material.get_base_material().get_path_name()
+            unreal.log_warning(
+                f"{material.get_name()}: leaves have hard edges, because the parent {parent} decides. Copy the parent into "
+                "the project, turn Dither Opacity Mask on in the copy, and make it the parent of the material"
+            )
+
+
 def import_tree(file: Path, folder: str) -> Any:
     """Import all levels of a tree into a folder of the content browser. Return the static mesh."""
     coverages, radius = coverages_and_radius(read_document(file))
@@ -84,6 +104,7 @@ def import_tree(file: Path, folder: str) -> Any:
         if subsystem.set_lod_from_static_mesh(mesh, number, level, 0, True) != number:
             raise ValueError(f"Unreal did not take level {number} of {file}: look into its log")
     subsystem.set_lod_screen_sizes(mesh, screen_sizes(coverages, radius, mesh.get_bounds().sphere_radius))
+    dither_masks(mesh)
     unreal.EditorAssetLibrary.save_loaded_asset(mesh)
     return mesh
 

@@ -25,19 +25,11 @@ BOUNDS = 400.0
 """Radius of the sphere around the whole mesh in centimeters."""
 
 
-class StaticMesh:
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.levels: dict[int, str] = {0: name}
-        self.sizes: list[float] = []
+class Properties:
+    """An object of Unreal with editor properties."""
 
-    def get_bounds(self) -> SimpleNamespace:
-        return SimpleNamespace(sphere_radius=BOUNDS)
-
-
-class Task:
-    def __init__(self) -> None:
-        self.properties: dict[str, Any] = {}
+    def __init__(self, **properties: Any) -> None:
+        self.properties = properties
 
     def set_editor_property(self, name: str, value: Any) -> None:
         self.properties[name] = value
@@ -46,7 +38,34 @@ class Task:
         return self.properties[name]
 
 
-def import_tasks(tasks: list[Task]) -> None:
+class Material(Properties):
+    def get_blend_mode(self) -> str:
+        return str(self.properties["blend_mode"])
+
+
+class MaterialInstance(Properties):
+    def get_blend_mode(self) -> str:
+        return "masked"
+
+    def get_name(self) -> str:
+        return "leaves"
+
+    def get_base_material(self) -> SimpleNamespace:
+        return SimpleNamespace(get_path_name=lambda: "/Importer/Masked")
+
+
+class StaticMesh(Properties):
+    def __init__(self, name: str) -> None:
+        super().__init__(static_materials=[])
+        self.name = name
+        self.levels: dict[int, str] = {0: name}
+        self.sizes: list[float] = []
+
+    def get_bounds(self) -> SimpleNamespace:
+        return SimpleNamespace(sphere_radius=BOUNDS)
+
+
+def import_tasks(tasks: list[Properties]) -> None:
     for task in tasks:
         name = Path(task.properties["filename"]).stem
         task.properties["imported_object_paths"] = [f"{task.properties['destination_path']}/{name}"]
@@ -67,12 +86,18 @@ def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
         set_lod_screen_sizes=lambda mesh, sizes: mesh.sizes.extend(sizes),
     )
     unreal = SimpleNamespace(
-        AssetImportTask=Task,
+        AssetImportTask=Properties,
         AssetToolsHelpers=SimpleNamespace(get_asset_tools=lambda: SimpleNamespace(import_asset_tasks=import_tasks)),
-        EditorAssetLibrary=SimpleNamespace(load_asset=StaticMesh, save_loaded_asset=lambda mesh: True),
+        BlendMode=SimpleNamespace(BLEND_MASKED="masked"),
+        EditorAssetLibrary=SimpleNamespace(load_asset=StaticMesh, save_loaded_asset=lambda asset: True),
+        Material=Material,
+        MaterialEditingLibrary=SimpleNamespace(
+            recompile_material=lambda material: material.set_editor_property("is_recompiled", True)
+        ),
         StaticMesh=StaticMesh,
         StaticMeshEditorSubsystem="subsystem",
         get_editor_subsystem=lambda kind: subsystem,
+        log_warning=print,
     )
     monkeypatch.setitem(sys.modules, "unreal", unreal)
     spec = importlib.util.spec_from_file_location("import_tree", ROOT / "engines" / "unreal" / "import_tree.py")
@@ -106,6 +131,22 @@ def test_levels_take_over_in_unreal_where_the_crown_has_the_size_of_the_file(
     """Both measure a sphere's height in the picture: Unreal that around the mesh, the file that around the crown."""
     mesh = script.import_tree(write_tree(tmp_path), "/Game/Trees")
     assert mesh.sizes == pytest.approx([1.0, *(share * BOUNDS / (100.0 * RADIUS) for share in COVERAGES[:3])])
+
+
+def test_unreal_dithers_masks_and_names_the_parents_that_decide(
+    script: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bark, leaves, instance = Material(blend_mode="opaque"), Material(blend_mode="masked"), MaterialInstance()
+    mesh = StaticMesh("tree")
+    materials = [Properties(material_interface=material) for material in (bark, leaves, instance)]
+    mesh.set_editor_property("static_materials", materials)
+    script.dither_masks(mesh)
+    assert leaves.properties == {"blend_mode": "masked", "dither_opacity_mask": True, "is_recompiled": True}
+    assert bark.properties == {"blend_mode": "opaque"}
+    assert instance.properties == {}
+    [warning] = capsys.readouterr().out.splitlines()
+    assert "leaves" in warning
+    assert "/Importer/Masked" in warning
 
 
 def test_unreal_s_script_names_missing_files_and_files_without_levels(script: ModuleType, tmp_path: Path) -> None:
