@@ -50,6 +50,7 @@ struct Shot {
     field_of_view: f32,
     /// Width and height of the picture.
     pixels: u32,
+    is_multisampled: bool,
 }
 
 type Vec3Numbers = [f32; 3];
@@ -167,7 +168,7 @@ fn spawn_camera(app: &mut App, shot: &Shot) -> (Entity, Handle<Image>) {
         RenderTarget::Image(target.clone().into()),
         Projection::Perspective(view),
         Transform::from_translation(eye).looking_at(centre, Vec3::Y),
-        (Tonemapping::None, Msaa::Off),
+        (Tonemapping::None, if shot.is_multisampled { Msaa::Sample4 } else { Msaa::Off }),
     );
     (app.world_mut().spawn(camera).id(), target)
 }

@@ -57,8 +57,6 @@ pub struct Part {
     pub material: Handle<StandardMaterial>,
     /// Numbers of the material that Bevy's loader does not read.
     pub(crate) light: Light,
-    /// Image with the mip levels of the base color, which lie under one another.
-    pub(crate) mip_levels: Option<Handle<Image>>,
 }
 
 /// Numbers of a material that Bevy's loader does not read.
@@ -97,13 +95,6 @@ impl NodeNumbers {
 #[derive(Default, Deserialize)]
 struct MaterialNumbers {
     light_strength: Option<f32>,
-    #[serde(rename = "mipLevels")]
-    mip_levels: Option<TextureNumber>,
-}
-
-#[derive(Deserialize)]
-struct TextureNumber {
-    index: usize,
 }
 
 fn numbers_in<T: DeserializeOwned>(extras: Option<&RawValue>) -> Option<T> {
@@ -166,19 +157,17 @@ fn levels_of(chain: &[usize], document: &gltf::Document, context: &mut LoadConte
             transition,
             fade_in: number.checked_sub(1).map_or(0.0..0.0, |before| fades[before].clone()),
             fade_out: fades[number].clone(),
-            parts: parts_of(&mesh, document, context),
+            parts: parts_of(&mesh, context),
         }
     });
     levels.collect()
 }
 
-fn parts_of(mesh: &gltf::Mesh<'_>, document: &gltf::Document, context: &mut LoadContext<'_>) -> Vec<Part> {
+fn parts_of(mesh: &gltf::Mesh<'_>, context: &mut LoadContext<'_>) -> Vec<Part> {
     let parts = mesh.primitives().map(|primitive| {
         let label = GltfAssetLabel::Primitive { mesh: mesh.index(), primitive: primitive.index() };
         let material = primitive.material();
         let numbers: MaterialNumbers = numbers_in(material.extras().as_deref()).unwrap_or_default();
-        // A texture that the file lacks would never be loaded.
-        let mip_levels = numbers.mip_levels.filter(|texture| texture.index < document.textures().len());
         let name = match material.index() {
             Some(index) => GltfAssetLabel::Material { index, is_scale_inverted: false },
             None => GltfAssetLabel::DefaultMaterial,
@@ -188,8 +177,6 @@ fn parts_of(mesh: &gltf::Mesh<'_>, document: &gltf::Document, context: &mut Load
             // The label under which bevy_pbr adds the material for drawing.
             material: context.get_label_handle(format!("{name}/std")),
             light: light_of(&material, numbers.light_strength),
-            mip_levels: mip_levels
-                .map(|texture| context.get_label_handle(GltfAssetLabel::Texture(texture.index).to_string())),
         }
     });
     parts.collect()

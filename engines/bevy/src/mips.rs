@@ -1,61 +1,52 @@
 //! Mip levels for images that have none: Bevy makes none for PNG and JPEG files.
 //!
-//! Atlas pages take those of their file. Those of other images are made with a box filter; colors are averaged as light.
+//! They are made with a box filter; colors are averaged as light. Those of cutouts keep the share of texels that are drawn.
 
 use bevy::image::{Image, ImageFilterMode, ImageSampler};
 use bevy::render::render_resource::{TextureDimension, TextureFormat};
 
+/// Alpha in codes at which Bevy draws the edge of a cutout.
+const EDGE: f32 = 127.5;
+
 /// Adds all smaller mip levels to an image with 8 bits a channel. Other images, and those with mip levels, stay as they are.
 pub fn add_mips(image: &mut Image) {
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let codes = Codes::of(image.texture_descriptor.format);
-    let (Some(codes), Some(texels), true) = (codes, &image.data, has_one_level(image)) else {
-        return;
-    };
-    let mut last = Page { width, height, texels: texels.clone() };
-    let mut all = texels.clone();
-    while last.width > 1 || last.height > 1 {
-        last = last.halved(&codes);
-        all.extend_from_slice(&last.texels);
+    if let Some(levels) = levels_of(image, false) {
+        set_levels(image, &levels);
     }
-    set_levels(image, all);
 }
 
-/// Gives an atlas page the mip levels that lie under one another in another image, at its left side. The first replaces the page.
-/// A page of another size, as other tools write, stays.
-pub fn use_levels(page: &mut Image, levels: &Image) {
-    const TEXEL: usize = 4;
-    let sizes = sizes_of(page.width() as usize, page.height() as usize);
-    let height: usize = sizes.iter().map(|(_, height)| height).sum();
-    let is_of_page = [&*page, levels]
-        .iter()
-        .all(|image| image.texture_descriptor.format == TextureFormat::Rgba8UnormSrgb && has_one_level(image))
-        && (levels.width(), levels.height() as usize) == (page.width(), height);
-    let (Some(texels), true) = (&levels.data, is_of_page) else {
+/// Adds the mip levels of a cutout: as many texels of each level reach half of the alpha as reach the cutoff in the image.
+pub fn add_cutout_mips(image: &mut Image, cutoff: f32) {
+    let Some(mut levels) = levels_of(image, true) else {
         return;
     };
-    let widths = sizes.iter().flat_map(|&(width, height)| std::iter::repeat_n(width, height));
-    let rows = texels.chunks_exact(TEXEL * levels.width() as usize);
-    set_levels(page, rows.zip(widths).flat_map(|(row, width)| &row[..TEXEL * width]).copied().collect());
+    if levels[0].channels > ALPHA {
+        let least = (255.0 * cutoff).ceil() as u8;
+        let share = levels[0].shares()[usize::from(least)];
+        for at in (1..levels.len()).rev() {
+            let (larger, smaller) = levels.split_at_mut(at);
+            larger[at - 1].fill_transparent(&smaller[0]);
+            smaller[0].bend(smaller[0].least_alpha(share));
+        }
+        levels[0].bend(least);
+    }
+    set_levels(image, &levels);
 }
 
-fn has_one_level(image: &Image) -> bool {
+/// Returns the image and its smaller mip levels.
+fn levels_of(image: &Image, is_cutout: bool) -> Option<Vec<Page>> {
     let descriptor = &image.texture_descriptor;
     let is_flat = descriptor.dimension == TextureDimension::D2 && descriptor.size.depth_or_array_layers == 1;
-    is_flat && descriptor.mip_level_count == 1
+    let codes = Codes::of(descriptor.format).filter(|_| is_flat && descriptor.mip_level_count == 1)?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let first = Page { width, height, channels: codes.channels, texels: image.data.clone()? };
+    let smaller = |page: &Page| (page.width.max(page.height) > 1).then(|| page.halved(&codes, is_cutout));
+    Some(std::iter::successors(Some(first), smaller).collect())
 }
 
-/// Returns width and height of an image and of its mip levels.
-fn sizes_of(width: usize, height: usize) -> Vec<(usize, usize)> {
-    let smaller =
-        |&(width, height): &(usize, usize)| (width.max(height) > 1).then(|| ((width / 2).max(1), (height / 2).max(1)));
-    std::iter::successors(Some((width, height)), smaller).collect()
-}
-
-/// Replaces an image by the texels of all its mip levels, the largest first.
-fn set_levels(image: &mut Image, texels: Vec<u8>) {
-    image.texture_descriptor.mip_level_count = sizes_of(image.width() as usize, image.height() as usize).len() as u32;
-    image.data = Some(texels);
+fn set_levels(image: &mut Image, levels: &[Page]) {
+    image.texture_descriptor.mip_level_count = levels.len() as u32;
+    image.data = Some(levels.iter().flat_map(|level| &level.texels).copied().collect());
     if let ImageSampler::Descriptor(sampler) = &mut image.sampler {
         sampler.mipmap_filter = ImageFilterMode::Linear;
     }
@@ -81,10 +72,12 @@ impl Codes {
         Some(Self { channels, linear_from, light: std::array::from_fn(|code| light_of(code as f32 / 255.0)) })
     }
 
-    fn mean(&self, channel: usize, codes: [u8; 4]) -> u8 {
+    /// `weights`: those of colors.
+    fn mean(&self, channel: usize, codes: [u8; 4], weights: [f32; 4]) -> u8 {
         if channel < self.linear_from {
-            let light: f32 = codes.iter().map(|&code| self.light[usize::from(code)]).sum();
-            return (srgb_of(light / 4.0) * 255.0).round() as u8;
+            let light: f32 =
+                codes.iter().zip(weights).map(|(&code, weight)| self.light[usize::from(code)] * weight).sum();
+            return (srgb_of(light / weights.iter().sum::<f32>()) * 255.0).round() as u8;
         }
         let sum: u16 = codes.iter().map(|&code| u16::from(code)).sum();
         ((sum + 2) / 4) as u8
@@ -99,30 +92,76 @@ fn srgb_of(light: f32) -> f32 {
     if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// Channel of alpha.
+const ALPHA: usize = 3;
+
 struct Page {
     width: usize,
     height: usize,
+    channels: usize,
     texels: Vec<u8>,
 }
 
 impl Page {
-    /// Returns the page of half the size. The last row and column of an odd size are left out.
-    fn halved(&self, codes: &Codes) -> Self {
-        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let mut texels = Vec::with_capacity(width * height * codes.channels);
+    /// Returns the page of half the size. The last row and column of an odd size are left out. Colors of a cutout are weighted by alpha.
+    fn halved(&self, codes: &Codes, is_cutout: bool) -> Self {
+        let (width, height, channels) = ((self.width / 2).max(1), (self.height / 2).max(1), self.channels);
+        let mut texels = Vec::with_capacity(width * height * channels);
         for y in 0..height {
             let rows = [2 * y, (2 * y + 1).min(self.height - 1)];
             for x in 0..width {
                 let columns = [2 * x, (2 * x + 1).min(self.width - 1)];
-                for channel in 0..codes.channels {
-                    let code = |row: usize, column: usize| {
-                        self.texels[(rows[row] * self.width + columns[column]) * codes.channels + channel]
-                    };
-                    texels.push(codes.mean(channel, [code(0, 0), code(0, 1), code(1, 0), code(1, 1)]));
-                }
+                let block =
+                    rows.map(|row| columns.map(|column| &self.texels[(row * self.width + column) * channels..]));
+                let block = [block[0][0], block[0][1], block[1][0], block[1][1]];
+                let is_weighted = is_cutout && channels > ALPHA && block.iter().any(|texel| texel[ALPHA] > 0);
+                let weights = block.map(|texel| if is_weighted { f32::from(texel[ALPHA]) } else { 1.0 });
+                texels.extend(
+                    (0..channels).map(|channel| codes.mean(channel, block.map(|texel| texel[channel]), weights)),
+                );
             }
         }
-        Self { width, height, texels }
+        Self { width, height, channels, texels }
+    }
+
+    /// Gives texels of no alpha the color of the next smaller level, because filters mix it into leaves.
+    fn fill_transparent(&mut self, smaller: &Self) {
+        for (number, texel) in self.texels.chunks_exact_mut(self.channels).enumerate() {
+            if texel[ALPHA] == 0 {
+                let row = (number / self.width / 2).min(smaller.height - 1);
+                let column = (number % self.width / 2).min(smaller.width - 1);
+                let from = (row * smaller.width + column) * smaller.channels;
+                texel[..ALPHA].copy_from_slice(&smaller.texels[from..from + ALPHA]);
+            }
+        }
+    }
+
+    /// Returns for each alpha the share of texels that have at least this alpha.
+    fn shares(&self) -> [f32; 256] {
+        let mut counts = [0; 256];
+        self.texels.iter().skip(ALPHA).step_by(self.channels).for_each(|&alpha| counts[usize::from(alpha)] += 1);
+        (0..255).rev().for_each(|alpha| counts[alpha] += counts[alpha + 1]);
+        counts.map(|count| count as f32 / (self.width * self.height) as f32)
+    }
+
+    /// Returns the alpha that a share of texels nearest to this one has at least.
+    fn least_alpha(&self, share: f32) -> u8 {
+        let shares = self.shares();
+        let error = |least: &u8| (shares[usize::from(*least)] - share).abs();
+        (1..=255).min_by(|one, other| error(one).total_cmp(&error(other))).unwrap_or(255)
+    }
+
+    /// Changes alpha so that this value is the first above the edge.
+    fn bend(&mut self, least: u8) {
+        let pivot = f32::from(least) - 0.5;
+        let bent: [u8; 256] = std::array::from_fn(|code| {
+            let code = code as f32;
+            let part = if code < pivot { code / pivot } else { 1.0 + (code - pivot) / (255.0 - pivot) };
+            (EDGE * part).round() as u8
+        });
+        for alpha in self.texels.iter_mut().skip(ALPHA).step_by(self.channels) {
+            *alpha = bent[usize::from(*alpha)];
+        }
     }
 }
 
@@ -135,6 +174,11 @@ mod tests {
     fn image(width: u32, height: u32, format: TextureFormat, data: Vec<u8>) -> Image {
         let size = Extent3d { width, height, depth_or_array_layers: 1 };
         Image::new(size, TextureDimension::D2, data, format, RenderAssetUsages::default())
+    }
+
+    /// Returns the number of texels that Bevy draws.
+    fn drawn(texels: &[u8]) -> usize {
+        texels.iter().skip(3).step_by(4).filter(|&&alpha| alpha >= 128).count()
     }
 
     #[test]
@@ -176,27 +220,29 @@ mod tests {
     }
 
     #[test]
-    fn the_levels_of_the_file_replace_the_page() {
-        // Levels of 4 × 2, 2 × 1 and 1 × 1 texels, each of one color.
-        let row = |colors: [u8; 4]| colors.map(|color| [color; 4]).concat();
-        let stack = [row([1; 4]), row([1; 4]), row([2, 2, 0, 0]), row([3, 0, 0, 0])].concat();
-        let mut page = image(4, 2, TextureFormat::Rgba8UnormSrgb, vec![9; 32]);
-        use_levels(&mut page, &image(4, 4, TextureFormat::Rgba8UnormSrgb, stack.clone()));
-        assert_eq!(page.texture_descriptor.mip_level_count, 3);
-        assert_eq!(page.data.clone().unwrap(), [vec![1; 32], vec![2; 8], vec![3; 4]].concat());
-        add_mips(&mut page);
-        assert_eq!(page.data.unwrap().len(), 44);
+    fn mip_levels_of_a_cutout_keep_the_drawn_share() {
+        // Of the 16 blocks of 2 × 2 texels, eight have one texel of the cutoff and four have two. No mean reaches the cutoff.
+        let is_drawn = |x: usize, y: usize| x % 2 == 0 && (y < 4 && y % 2 == 0 || y == 4 || y == 5);
+        let texel = |number: usize| [0, 90, 0, if is_drawn(number % 8, number / 8) { 80 } else { 0 }];
+        let mut page = image(8, 8, TextureFormat::Rgba8UnormSrgb, (0..64).flat_map(texel).collect());
+        add_cutout_mips(&mut page, 80.0 / 255.0);
+        let data = page.data.unwrap();
+        assert_eq!([drawn(&data[..256]), drawn(&data[256..320])], [16, 4]);
     }
 
     #[test]
-    fn levels_of_a_page_of_another_size_or_format_are_no_use() {
-        let levels = image(4, 4, TextureFormat::Rgba8UnormSrgb, vec![1; 64]);
-        for (width, height, format) in [(2, 2, TextureFormat::Rgba8UnormSrgb), (4, 2, TextureFormat::Rgba8Unorm)] {
-            let texels = vec![9; (4 * width * height) as usize];
-            let mut page = image(width, height, format, texels.clone());
-            use_levels(&mut page, &levels);
-            assert_eq!((page.data.unwrap(), page.texture_descriptor.mip_level_count), (texels, 1));
-        }
+    fn colors_of_a_cutout_are_those_of_its_drawn_texels() {
+        let data = [[0, 90, 0, 255], [255, 0, 0, 0], [255, 0, 0, 0], [255, 0, 0, 0]].concat();
+        let mut page = image(2, 2, TextureFormat::Rgba8UnormSrgb, data);
+        add_cutout_mips(&mut page, 0.5);
+        assert!(page.data.unwrap().chunks(4).all(|texel| texel[..3] == [0, 90, 0]));
+    }
+
+    #[test]
+    fn a_cutout_without_alpha_has_plain_mip_levels() {
+        let mut page = image(2, 1, TextureFormat::R8Unorm, vec![10, 20]);
+        add_cutout_mips(&mut page, 0.5);
+        assert_eq!(page.data.unwrap(), [10, 20, 15]);
     }
 
     #[test]

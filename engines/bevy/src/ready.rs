@@ -6,7 +6,7 @@ use bevy::camera::primitives::MeshAabb;
 use bevy::prelude::*;
 
 use crate::file::{LeafcloudFile, Level, Light};
-use crate::mips::{add_mips, use_levels};
+use crate::mips::{add_cutout_mips, add_mips};
 
 pub(crate) fn make_ready(
     mut events: MessageReader<AssetEvent<LeafcloudFile>>,
@@ -26,7 +26,7 @@ pub(crate) fn make_ready(
         for levels in &mut file.trees {
             centre_meshes(levels, &mut meshes);
             add_light(levels, &mut materials, &mut lit);
-            use_levels_of(levels, &materials, &mut images);
+            smooth_cutouts(levels, &mut materials, &mut images);
             add_mips_of(levels, &materials, &mut images);
         }
         file.is_ready = true;
@@ -66,28 +66,24 @@ fn add_light(levels: &[Level], materials: &mut Assets<StandardMaterial>, lit: &m
     }
 }
 
-/// Gives the atlas pages the mip levels of their file.
-fn use_levels_of(levels: &mut [Level], materials: &Assets<StandardMaterial>, images: &mut Assets<Image>) {
-    for part in levels.iter_mut().flat_map(|level| &mut level.parts) {
-        let image = part.mip_levels.take().and_then(|handle| images.get(&handle).cloned());
-        let page = materials.get(&part.material).and_then(|material| material.base_color_texture.as_ref());
-        if let (Some(image), Some(mut page)) = (image, page.and_then(|page| images.get_mut(page))) {
-            use_levels(&mut page, &image);
+/// Makes multisampling smooth the edges of cutouts.
+fn smooth_cutouts(levels: &[Level], materials: &mut Assets<StandardMaterial>, images: &mut Assets<Image>) {
+    for part in levels.iter().flat_map(|level| &level.parts) {
+        let Some(mut material) = materials.get_mut(&part.material) else {
+            continue;
+        };
+        if let AlphaMode::Mask(cutoff) = material.alpha_mode {
+            if let Some(mut image) = material.base_color_texture.as_ref().and_then(|image| images.get_mut(image)) {
+                add_cutout_mips(&mut image, cutoff);
+            }
+            material.alpha_mode = AlphaMode::AlphaToCoverage;
         }
     }
 }
 
-/// Gives the other images mip levels, except cutouts of the leaves themselves, which mip levels would thin out.
 fn add_mips_of(levels: &[Level], materials: &Assets<StandardMaterial>, images: &mut Assets<Image>) {
-    let materials_of = |level: &Level| -> Vec<&StandardMaterial> {
-        level.parts.iter().filter_map(|part| materials.get(&part.material)).collect()
-    };
-    let own = levels.iter().take(1).flat_map(materials_of);
-    let cutouts: HashSet<_> = own
-        .filter(|material| material.alpha_mode != AlphaMode::Opaque)
-        .filter_map(|material| material.base_color_texture.clone())
-        .collect();
-    for image in levels.iter().flat_map(materials_of).flat_map(images_of).filter(|image| !cutouts.contains(image)) {
+    let parts = levels.iter().flat_map(|level| &level.parts);
+    for image in parts.filter_map(|part| materials.get(&part.material)).flat_map(images_of) {
         if let Some(mut image) = images.get_mut(image) {
             add_mips(&mut image);
         }
