@@ -24,6 +24,7 @@ from ..errors import SceneError
 from ..geometry import Geometry, Tree, without_shear
 from ..levels.build import build_levels
 from ..levels.building import Build, Costs, LeafShading
+from ..levels.trunk import unrolled
 from ..material.blended import cut_message, is_blended, see_through
 from ..material.shading import reflection_of
 from ..material.surface import read_surface
@@ -146,7 +147,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
         names,
         light,
         blowing,
-        trunks,
+        None if trunks is None else replace(trunks, geometry=unrolled(trunks.geometry)),
         leaves.owners,
     )
 

@@ -22,7 +22,7 @@ from .mesh import read_own_randoms
 from .octahedral import octahedral_object
 from .rollback import removed_on_failure
 from .root import add_root, follow_distance, put_below
-from .trunk import Trunk, TrunkView, simplified, whole
+from .trunk import Trunk, TrunkView, simplified, unrolled, whole
 
 NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
 """Levels without billboards."""
@@ -102,7 +102,7 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
         # Before simplified leaves only the picture limits the trunk.
         limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
         views = [TrunkView(*view) for view in zip(near, pixels, limits, strict=False)]
-        coarser = simplified(first, tree.trunk, tree.matrix, views)
+        coarser = simplified(first, unrolled(tree.trunk), tree.matrix, views)
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *impostors]
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..geometry import Geometry, world_positions
+from ..material.textures import repeats
 from ..plan.trunk_limits import CHANGE
 from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
@@ -61,11 +62,23 @@ def whole(name: str, geometry: Geometry) -> Trunk:
     return Trunk(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
 
 
+def unrolled(geometry: Geometry) -> Geometry:
+    """Return the geometry with texture coordinates that run on over its edges where the texture repeats.
+
+    Simplified trunks are made from it, because they lose rings at which the coordinates of many trunks start anew.
+    """
+    if geometry.uvs is None:
+        return geometry
+    of_triangle = np.array([repeats(material) for material in geometry.materials])[geometry.material_ids]
+    uvs = leafcloud.unrolled_uvs(geometry.positions, geometry.triangles, geometry.uvs, of_triangle)
+    return replace(geometry, uvs=uvs)
+
+
 def simplified(
     first: Trunk, geometry: Geometry, matrix: NDArray[np.float64], views: Sequence[TrunkView]
 ) -> list[Trunk]:
-    """Return one simplified trunk per view, from level 1 on. `first`: the unsimplified trunk, made from `geometry`.
-    `matrix`: (4, 4) from the geometry to the world.
+    """Return one simplified trunk per view, from level 1 on. `first`: the unsimplified trunk. `geometry`: the same,
+    `unrolled`. `matrix`: (4, 4) from the geometry to the world.
 
     Each trunk is made from `geometry`, so changes do not add up. If one has no fewer triangles than the one before,
     that one is used again. A new mesh is named after `first` and its level.

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from .node_links import Port, follow, nodes_behind, sources_behind
+from .node_links import Port, follow, nodes_behind, sources_behind, trees_of
 
 ACTIVE = ""
 """Name for the render-active UV map or color attribute."""
@@ -151,6 +151,22 @@ def _is_moved_like(image: bpy.types.Node, layout: Texture) -> bool:
         return texture_of(Port(image.outputs["Color"])).transform == layout.transform
     except NotUnderstoodError:
         return False
+
+
+def repeats(material: bpy.types.Material | None) -> bool:
+    """Return whether the material looks the same where all its texture coordinates differ by whole numbers."""
+    trees = [] if material is None or material.node_tree is None else trees_of(material.node_tree)
+    nodes = [node for tree in trees for node in tree.nodes]
+    return _repeats(nodes) and all(_maps_whole_numbers(node) for node in nodes if node.type == "MAPPING")
+
+
+def _maps_whole_numbers(mapping: bpy.types.Node) -> bool:
+    """Return whether a Mapping node moves coordinates by whole numbers if its input moves by whole numbers."""
+    try:
+        linear = np.reshape(_mapping(Port(mapping.outputs["Vector"])), (2, 3))[:, :2]
+    except NotUnderstoodError:
+        return False
+    return mapping.vector_type == "POINT" and bool((linear == linear.round()).all())
 
 
 def _repeats(nodes: Sequence[bpy.types.Node]) -> bool:

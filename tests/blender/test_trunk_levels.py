@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -12,14 +13,14 @@ import numpy as np
 import pytest
 from glb import read_glb
 from numpy.typing import NDArray
-from scenes import add_mesh, bake, material, read
+from scenes import add_mesh, bake, material, read, use_nodes
 
 import leafcloud
 from addon.bake.drawing import level_trunks
 from addon.bake.values import Baked
 from addon.export import preview
 from addon.geometry import Geometry
-from addon.levels.trunk import TrunkView, gathered, outward, simplified, whole
+from addon.levels.trunk import TrunkView, gathered, outward, simplified, unrolled, whole
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
@@ -256,6 +257,55 @@ def test_levels_never_have_more_triangles_than_the_one_before() -> None:
         uvs = np.array([tuple(each.uv) for each in left.mesh.uv_layers.active.data])
         corners = places[[loop.vertex_index for loop in left.mesh.loops]]
         np.testing.assert_array_equal(uvs, corners[:, 1:].astype(np.float32))
+
+
+def bark(extension: str, scale: float = 1.0) -> bpy.types.Material:
+    """Return a material with an image, wrapped by `extension`, behind a Mapping node with this scale along v."""
+    made = material("bark")
+    use_nodes(made)
+    nodes, links = made.node_tree.nodes, made.node_tree.links
+    image, mapping, uv = (nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "Mapping", "UVMap"))
+    image.image, image.extension = bpy.data.images.new("bark", 4, 4), extension
+    mapping.inputs["Scale"].default_value = (1.0, scale, 1.0)
+    for source, target in ((uv, mapping.inputs[0]), (mapping, image.inputs[0])):
+        links.new(source.outputs[0], target)
+    links.new(image.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
+    return made
+
+
+def ringed(bark: bpy.types.Material) -> Geometry:
+    """Return a tube, 12 high, whose v is 0, 1, 0, 1 … at its 13 rings."""
+    plain = geometry()
+    uvs = plain.uvs.copy()
+    uvs[..., 1] = plain.positions[plain.triangles][..., 2] / 8.0 * 12.0 % 2.0
+    assert set(uvs[..., 1].ravel().tolist()) == {0.0, 1.0}
+    return replace(plain, uvs=uvs, materials=[bark])
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_bark_repeats_as_often_on_a_simplified_stem(scale: float) -> None:
+    stem = ringed(bark("REPEAT", scale))
+    [left] = simplified(whole("bark", stem), unrolled(stem), np.eye(4), views((0.2, 40)))
+    assert left.mesh is not None
+    assert left.triangles <= 40 < len(stem.triangles)
+    for loop, uv in zip(left.mesh.loops, left.mesh.uv_layers.active.data, strict=True):
+        assert uv.uv.y == left.mesh.vertices[loop.vertex_index].co.z / 8.0 * 12.0, "a repeat for each ring"
+
+
+@pytest.mark.parametrize("bark_of", [("CLIP", 1.0), ("EXTEND", 1.0), ("MIRROR", 1.0), ("REPEAT", 0.3)])
+def test_textures_that_do_not_repeat_by_whole_numbers_stay(bark_of: tuple[str, float]) -> None:
+    stem = ringed(bark(*bark_of))
+    np.testing.assert_array_equal(unrolled(stem).uvs, stem.uvs)
+
+
+def test_texture_coordinates_run_on_only_where_all_textures_repeat() -> None:
+    positions, triangles = tube(4, 2)
+    uvs = np.float32(positions[triangles][..., 1:]) * [1.0, 0.25] % 2.0
+    clamped = np.arange(len(triangles)) % 2 == 0
+    made = leafcloud.unrolled_uvs(positions, triangles, uvs, ~clamped)
+    np.testing.assert_array_equal(made[clamped], uvs[clamped])
+    with pytest.raises(leafcloud.LeafcloudError, match="repeats has 2 rows; it must have one for each of 16 triangles"):
+        leafcloud.unrolled_uvs(positions, triangles, uvs, np.array([True, False]))
 
 
 def baked_tree(effects: str) -> Baked:

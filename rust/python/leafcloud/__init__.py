@@ -52,6 +52,7 @@ from ._native import (
     start_fit,
     switch_distance,
     transition,
+    unrolled_uvs,
     write_png,
 )
 
@@ -105,5 +106,6 @@ __all__ = [
     "start_fit",
     "switch_distance",
     "transition",
+    "unrolled_uvs",
     "write_png",
 ]

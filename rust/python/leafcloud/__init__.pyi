@@ -1008,6 +1008,20 @@ def simplify(
     ``pixel``, ``change`` or ``most`` out of range.
     """
 
+def unrolled_uvs(
+    positions: ArrayLike, triangles: ArrayLike, uvs: ArrayLike, repeats: ArrayLike
+) -> NDArray[np.float32]:
+    """Return (t, 3, 2) texture coordinates that run on over the edges of triangles, for :func:`simplify`.
+
+    Triangles move by whole numbers, which a texture that repeats does not show. Where coordinates turn back at a whole
+    number, as in stems with v = 0, 1, 0, 1 … at their rings, they run on, and that part of the texture is no longer
+    mirrored. A seam stays around a closed stem.
+
+    ``positions``, ``triangles`` and ``uvs`` as for :func:`simplify`. ``repeats``: (t,) bool, whether the triangle's
+    texture repeats outside [0, 1]; the others keep their coordinates. Raises ``LeafcloudError`` as :class:`Foliage`
+    does.
+    """
+
 class BlendOrder:
     """Pieces of triangles, and a tree that gives their order from back to front; see :func:`blend_order`.
 

@@ -56,6 +56,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(job::start_cost_curve, module)?)?;
     module.add_function(wrap_pyfunction!(levels::share_pages, module)?)?;
     module.add_function(wrap_pyfunction!(trunk::simplify, module)?)?;
+    module.add_function(wrap_pyfunction!(trunk::unrolled_uvs, module)?)?;
     module.add_function(wrap_pyfunction!(blend::blend_order, module)?)?;
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
     module.add_function(wrap_pyfunction!(tools::drawing_cost, module)?)?;

@@ -1,4 +1,4 @@
-//! `simplify`: trunks and branches with fewer triangles.
+//! `simplify`: trunks and branches with fewer triangles. `unrolled_uvs`: their texture coordinates, without jumps.
 
 use std::sync::Arc;
 
@@ -6,11 +6,11 @@ use glam::DVec3;
 use leafcloud::groups::number_by_appearance;
 use leafcloud::{Attributes, Foliage, Material};
 use leafcloud_simplify::{Sight, Simplified};
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays;
-use crate::errors::read;
+use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
 use crate::work::interruptible;
 
@@ -70,4 +70,32 @@ pub fn simplify(
         leafcloud_simplify::simplify(&trunk, sight, change, most, progress)
     })?;
     Ok(PySimplified(simplified))
+}
+
+#[pyfunction]
+pub fn unrolled_uvs<'py>(
+    py: Python<'py>,
+    positions: &Bound<'py, PyAny>,
+    triangles: &Bound<'py, PyAny>,
+    uvs: &Bound<'py, PyAny>,
+    repeats: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    let positions = arrays::points(positions, "positions")?;
+    let triangles = arrays::triangles(triangles)?;
+    let uvs = arrays::to_vec2(arrays::corner_values(uvs, "uvs", &triangles)?);
+    let repeats = arrays::truths(repeats, "repeats")?;
+    let rows = triangles.len();
+    if repeats.len() != rows {
+        return Err(refuse(format!(
+            "repeats has {} rows; it must have one for each of {rows} triangles",
+            repeats.len()
+        )));
+    }
+    let attributes = Attributes { uvs, ..Attributes::default() };
+    let unrolled = interruptible(py, move |_| {
+        let trunk = Foliage::new(&positions, triangles, attributes, vec![Material::default()])?;
+        Ok(leafcloud_simplify::unrolled(&trunk, &repeats))
+    })?;
+    let flat: Vec<f32> = unrolled.as_flattened().iter().flat_map(|uv| uv.to_array()).collect();
+    flat.into_pyarray(py).reshape([rows, 3, 2])
 }

@@ -3,7 +3,7 @@
 //! The crate `meshopt` collapses edges in the order of quadric errors (Garland and Heckbert 1997), which include texture coordinates and
 //! normals (Hoppe 1999).
 
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 use leafcloud::Foliage;
 use meshopt::{SimplifyOptions, SimplifyVertex, simplify_with_attributes_and_locks_decoder};
 
@@ -15,9 +15,11 @@ pub type Part = Vec<[u32; 3]>;
 /// Weight of normals: a normal that changes by 1 counts like a move by this share of the part's extent. Larger weights spend triangles on
 /// roundness smaller than a pixel.
 const NORMAL_WEIGHT: f32 = 0.03;
-/// Weight of texture coordinates and colors, likewise. Of weights from 0.01 to 1, measured on three trees, this one changes the colors of
-/// the pictures least.
-const TEXTURE_WEIGHT: f32 = 0.05;
+/// Weight of colors, likewise.
+const COLOR_WEIGHT: f32 = 0.05;
+/// Weight of texture coordinates: a texture that slides along the surface counts like a move by this share of its way. Weights from 0.03 to
+/// 1 hardly differ in pictures of three trees.
+const TEXTURE_WEIGHT: f32 = 0.3;
 /// A step that keeps more than its target times this ignores texture seams.
 const STUCK: f64 = 1.25;
 
@@ -26,7 +28,8 @@ const STUCK: f64 = 1.25;
 pub fn steps(trunk: &Foliage, triangles: &[u32], most: usize) -> Vec<Part> {
     let places: Vec<DVec3> = triangles.iter().flat_map(|&t| trunk.corners(t as usize)).collect();
     let vertices = Vertices::new(trunk, triangles, &places);
-    let shape = Shape { triangles, vertices, places };
+    let texture = texture_lengths(trunk, triangles, &places);
+    let shape = Shape { triangles, vertices, places, texture };
     let mut result = vec![shape.in_trunk(&shape.vertices.of_corner)];
     let mut target = if triangles.len() > most { most } else { triangles.len() / 2 };
     while target >= 2 {
@@ -45,28 +48,33 @@ struct Shape<'a> {
     vertices: Vertices,
     /// Positions of the corners, local frame.
     places: Vec<DVec3>,
+    /// Lengths on the surface of one unit of u and of v, as shares of the part's extent.
+    texture: [f32; 2],
 }
 
 impl Shape<'_> {
     /// Returns triangles of vertices, about `target` of them. Seams of the texture stay closed as long as that many triangles allow it.
     fn simplified(&self, target: usize) -> Vec<[u32; 3]> {
-        let simplified = self.collapsed(target, &self.vertices.on_seam, TEXTURE_WEIGHT);
+        let simplified = self.collapsed(target, &self.vertices.on_seam, 1.0);
         if simplified.len() as f64 <= STUCK * target as f64 {
             return simplified;
         }
         self.collapsed(target, &self.vertices.on_border, 0.0)
     }
 
-    /// Returns triangles of vertices, with the seams at `protected` vertices closed. `texture`: weight of texture coordinates and colors.
-    fn collapsed(&self, target: usize, protected: &[bool], texture: f32) -> Vec<[u32; 3]> {
+    /// Returns triangles of vertices, with the seams at `protected` vertices closed. `surface`: factor of the weights of texture coordinates
+    /// and colors.
+    fn collapsed(&self, target: usize, protected: &[bool], surface: f32) -> Vec<[u32; 3]> {
         let lock = |&protected: &bool| if protected { SimplifyVertex::Protect } else { SimplifyVertex::None };
         let locks: Vec<_> = protected.iter().map(lock).collect();
         let normal = NORMAL_WEIGHT;
+        let [u, v] = self.texture.map(|length| surface * TEXTURE_WEIGHT * length);
+        let color = surface * COLOR_WEIGHT;
         let indices = simplify_with_attributes_and_locks_decoder(
             &self.vertices.of_corner,
             &self.vertices.places,
             self.vertices.attributes.as_flattened(),
-            &[texture, texture, normal, normal, normal, texture, texture, texture, texture],
+            &[u, v, normal, normal, normal, color, color, color, color],
             ATTRIBUTES * size_of::<f32>(),
             &locks,
             3 * target,
@@ -90,4 +98,21 @@ impl Shape<'_> {
         };
         indices.as_chunks::<3>().0.iter().map(|t| t.map(corner)).collect()
     }
+}
+
+/// Returns the mean lengths on the surface of one unit of u and of v, as shares of the part's extent; 0 without texture coordinates.
+/// `places`: the positions of the corners.
+fn texture_lengths(trunk: &Foliage, triangles: &[u32], places: &[DVec3]) -> [f32; 2] {
+    let (low, high) = places.iter().fold((places[0], places[0]), |(low, high), &p| (low.min(p), high.max(p)));
+    let (mut area, mut units) = (0.0, [0.0; 2]);
+    for (&triangle, &[a, b, c]) in triangles.iter().zip(places.as_chunks::<3>().0) {
+        let Some(uvs) = trunk.attributes().uvs.get(triangle as usize) else { return [0.0; 2] };
+        let [first, second] = [uvs[1] - uvs[0], uvs[2] - uvs[0]].map(Vec2::as_dvec2);
+        let gradient = |first: f64, second: f64| ((c - a) * first - (b - a) * second).length();
+        area += (b - a).cross(c - a).length();
+        units[0] += gradient(first.x, second.x);
+        units[1] += gradient(first.y, second.y);
+    }
+    let length = |units: f64| if units > 0.0 { (area / units / (high - low).max_element()) as f32 } else { 0.0 };
+    units.map(length)
 }

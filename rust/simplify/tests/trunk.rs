@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use leafcloud::{Attributes, Foliage, Material, Progress};
-use leafcloud_simplify::{Sight, Simplified, simplify};
+use leafcloud_simplify::{Sight, Simplified, simplify, unrolled};
 
 /// Positions, triangles, and attributes of the corners.
 #[derive(Clone, Default)]
@@ -334,4 +334,115 @@ fn zero_normals_are_accepted() {
     let mut square = Mesh::grid(4, 4, |u, v| DVec3::new(u, v, 0.0));
     square.attributes.normals = vec![[Vec3::ZERO; 3]; square.triangles.len()];
     assert_eq!(square.simplified(0.01, 0.0).corners.len(), 2);
+}
+
+// Texture coordinates
+
+/// A tube whose v starts anew at each ring: each ring of squares has the whole texture.
+fn ringed_tube(sides: u32, rings: u32) -> Mesh {
+    let mut tube = Mesh::tube(1.0, f64::from(rings), sides, rings);
+    for (t, uvs) in (0..).zip(&mut tube.attributes.uvs) {
+        let ring = t / (2 * sides);
+        *uvs = uvs.map(|uv| Vec2::new(uv.x, (uv.y * rings as f32).round() - ring as f32));
+    }
+    tube
+}
+
+fn unrolled_all(mesh: &Mesh) -> Vec<[Vec2; 3]> {
+    unrolled(&mesh.foliage(), &vec![true; mesh.triangles.len()])
+}
+
+#[test]
+fn coordinates_that_start_anew_at_each_ring_run_on() {
+    let tube = ringed_tube(6, 9);
+    for (t, uvs) in unrolled_all(&tube).iter().enumerate() {
+        for (k, uv) in uvs.iter().enumerate() {
+            let before = tube.attributes.uvs[t][k];
+            assert_eq!((uv.x, uv.y - before.y), (before.x, (t / 12) as f32), "triangle {t}: a repeat for each ring");
+            assert_eq!(f64::from(uv.y), tube.corner(3 * t as u32 + k as u32).z);
+        }
+    }
+}
+
+#[test]
+fn coordinates_that_turn_back_at_each_ring_run_on() {
+    let mut tube = ringed_tube(6, 9);
+    let rings = tube.attributes.uvs.clone();
+    for (t, uvs) in tube.attributes.uvs.iter_mut().enumerate().filter(|(t, _)| t / 12 % 2 == 1) {
+        *uvs = rings[t].map(|uv| Vec2::new(uv.x, 1.0 - uv.y));
+    }
+    let expected = (0..).zip(rings).map(|(t, uvs)| uvs.map(|uv| uv + Vec2::Y * (t / 12) as f32));
+    assert!(unrolled_all(&tube).into_iter().eq(expected));
+}
+
+/// The texture of every square lies elsewhere, by whole numbers. No texel moves.
+#[test]
+fn unrolled_coordinates_show_the_same_texels() {
+    let tube = Mesh::tube(1.0, 10.0, 12, 8);
+    let mut torn = tube.clone();
+    for (t, uvs) in torn.attributes.uvs.iter_mut().enumerate() {
+        let shift = Vec2::new((t / 2 * 7 % 5) as f32, -((t / 2 * 3 % 4) as f32));
+        *uvs = uvs.map(|uv| uv + shift);
+    }
+    let unrolled = unrolled_all(&torn);
+    for (uvs, before) in unrolled.as_flattened().iter().zip(tube.attributes.uvs.as_flattened()) {
+        let shift = *uvs - *before;
+        assert!((shift - shift.round()).abs().max_element() < 1e-5, "{uvs} from {before}");
+    }
+    let across = |t: usize, axis: usize| unrolled[t].map(|uv| uv[axis]);
+    let span =
+        |values: [f32; 3]| values.into_iter().fold(f32::MIN, f32::max) - values.into_iter().fold(f32::MAX, f32::min);
+    assert!((0..torn.triangles.len()).all(|t| span(across(t, 0)) < 0.1 && span(across(t, 1)) < 0.2));
+    let jumps = edges(&torn, &unrolled).filter(|jump| *jump > 1e-4).count();
+    assert_eq!(jumps, 8, "one seam along the tube");
+}
+
+/// Returns how far the coordinates of two triangles are apart at the ends of their common edge, for each such edge.
+fn edges(mesh: &Mesh, uvs: &[[Vec2; 3]]) -> impl Iterator<Item = f32> {
+    let place = |t: usize, k: usize| mesh.corner(3 * t as u32 + k as u32);
+    let sides: Vec<_> = (0..uvs.len()).flat_map(|t| [(0, 1), (1, 2), (2, 0)].map(|(a, b)| (t, a, b))).collect();
+    let mut jumps = Vec::new();
+    for (i, &(t, a, b)) in sides.iter().enumerate() {
+        for &(s, c, d) in &sides[i + 1..] {
+            if (place(t, a), place(t, b)) == (place(s, d), place(s, c)) {
+                jumps.push((uvs[t][a] - uvs[s][d]).abs().max_element());
+            }
+        }
+    }
+    jumps.into_iter()
+}
+
+#[test]
+fn coordinates_of_textures_that_do_not_repeat_stay() {
+    let tube = ringed_tube(6, 4);
+    let clamped = |t: usize| t >= 24;
+    let repeats: Vec<bool> = (0..tube.triangles.len()).map(|t| !clamped(t)).collect();
+    let unrolled = unrolled(&tube.foliage(), &repeats);
+    assert_eq!(unrolled[24..], tube.attributes.uvs[24..]);
+    assert_ne!(unrolled[..24], tube.attributes.uvs[..24]);
+}
+
+#[test]
+fn coordinates_that_turn_back_within_a_repeat_stay() {
+    let mut square = Mesh::grid(8, 1, |u, v| DVec3::new(u, v, 0.0));
+    for uv in square.attributes.uvs.as_flattened_mut() {
+        uv.x = 0.5 - (uv.x - 0.5).abs();
+    }
+    assert_eq!(unrolled_all(&square), square.attributes.uvs);
+}
+
+/// Bark keeps its texels on a stem that loses its rings: v spans as many repeats as the tube has rings, and the same length each.
+#[test]
+fn a_simplified_tube_keeps_its_repeats() {
+    let mut tube = ringed_tube(12, 16);
+    tube.attributes.uvs = unrolled_all(&tube);
+    let simplified = tube.behind(None, 0.1, 0.0, 40);
+    assert!((12..=40).contains(&simplified.corners.len()), "{}", simplified.corners.len());
+    let mut highest = 0.0;
+    for &corner in simplified.corners.as_flattened() {
+        let v = tube.attributes.uvs[corner as usize / 3][corner as usize % 3].y;
+        assert_eq!(f64::from(v), tube.corner(corner).z);
+        highest = v.max(highest);
+    }
+    assert_eq!(highest, 16.0);
 }
