@@ -28,7 +28,7 @@ class TrunkLevelsEffect(Effect):
         return True, f"{situation.free_camera}, so it may see {trunk} trunk triangles from far away"
 
     def rates(self, settings: BakeSettings, decisions: Sequence[Decision]) -> tuple[Rate, ...]:
-        simplify = Rate(lambda known: known.trunk, fixed=0.3, seconds=4.0e-6)
+        simplify = Rate(lambda known: known.trunk, fixed=0.3, seconds=8.0e-6)
         return simplify, Rate(lambda known: known.trunk_left, 87.0)
 
 

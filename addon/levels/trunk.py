@@ -14,7 +14,7 @@ import leafcloud
 
 from ..geometry import Geometry, world_positions
 from ..material.textures import repeats
-from ..plan.trunk_limits import CHANGE
+from ..plan.trunk_limits import CHANGE, WHOLE_SHARE
 from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
 
@@ -80,14 +80,15 @@ def simplified(
     """Return one simplified trunk per view, from level 1 on. `first`: the unsimplified trunk. `geometry`: the same,
     `unrolled`. `matrix`: (4, 4) from the geometry to the world.
 
-    Each trunk is made from `geometry`, so changes do not add up. If one has no fewer triangles than the one before,
-    that one is used again. A new mesh is named after `first` and its level.
+    Each trunk is made from `geometry`, so changes do not add up. If one has no fewer triangles than the one before, or
+    that one has few beside the level's leaves, that one is used again. A new mesh is named after `first` and its level.
     """
     result = [first]
     positions = world_positions(geometry, matrix)
     for number, view in enumerate(views, start=1):
         before = result[-1]
-        found = _simplify(geometry, positions, view) if before.triangles > 0 else None
+        few = before.triangles <= min(view.limit, WHOLE_SHARE * view.level.triangles)
+        found = None if few else _simplify(geometry, positions, view)
         if found is None or len(found.corners) >= before.triangles:
             result.append(before)
             continue

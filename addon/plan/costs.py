@@ -25,7 +25,7 @@ from .pages import page_size
 from .quality import TYPICAL_PIXELS
 from .rates import Amounts
 from .registry import effect_named
-from .trunk_limits import FAR_TRIANGLES, MOST_TRIANGLES
+from .trunk_limits import FAR_TRIANGLES, NEAR_TRIANGLES
 
 _PAGE_SHARE = 6.0
 """Texels of a page over the pixels of the square around the crown: 3 to 7 on the measured trees."""
@@ -36,8 +36,7 @@ def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -
     clouds, cross = plan_levels(settings, facts, effects)
     pages = [_page_texels(settings, number) for number in range(clouds)]
     pages += [min(_cross_texels(settings), _page_texels(settings, clouds))] if cross else []
-    # Level 1's trunk has about a quarter of the level's triangles.
-    left = [min(facts.trunk, limit) for limit in (MOST_TRIANGLES // 4, *[FAR_TRIANGLES] * (clouds - 1))[:clouds]]
+    left = [min(facts.trunk, limit) for limit in (NEAR_TRIANGLES, *[FAR_TRIANGLES] * (clouds - 1))[:clouds]]
     texels, leaf_size = (sum(pages), sum(pages[1:])), facts.leaf_size / facts.radius
     return Amounts(facts.vertices, facts.triangles, facts.trunk * clouds, sum(left), *texels, facts.depth, leaf_size)
 

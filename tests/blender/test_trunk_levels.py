@@ -20,11 +20,11 @@ from addon.bake.drawing import level_trunks
 from addon.bake.values import Baked
 from addon.export import preview
 from addon.geometry import Geometry
-from addon.levels.trunk import TrunkView, gathered, outward, simplified, unrolled, whole
+from addon.levels.trunk import Trunk, TrunkView, gathered, outward, simplified, unrolled, whole
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
-from addon.plan.trunk_limits import CHANGE, FAR_TRIANGLES, trunk_limits
+from addon.plan.trunk_limits import CHANGE, FAR_TRIANGLES, NEAR_TRIANGLES, trunk_limits
 from addon.settings.bake import BakeSettings
 
 QUICK = ("--epsilon", 0.1, "--quality", 0.1, "--texture-size", 128)
@@ -195,13 +195,11 @@ def test_simplified_trunks_are_estimated_at_their_limits() -> None:
     assert nbytes(100_000) == nbytes(10_000) > 2 * nbytes(100) > 0
 
 
-def test_level_1_leaves_room_for_its_trunk() -> None:
-    assert trunk_limits([1400, 300, 90], 40_000) == (1600, FAR_TRIANGLES, FAR_TRIANGLES), "3,000 in all"
-    assert trunk_limits([900], 12_000) == (900,), "0.15 of the tree's"
-    assert trunk_limits([1300], 12_000) == (500,)
-    assert trunk_limits([2900], 40_000) == (FAR_TRIANGLES,), "a level without trunk would be worse"
-    assert trunk_limits([750], 3300) == (750,), "as many as the leaves, which need more than their share"
-    assert trunk_limits([1900, 300], 8000) == (800, FAR_TRIANGLES)
+def test_a_trunk_may_have_as_many_triangles_as_the_leaves_of_its_level() -> None:
+    assert trunk_limits([1400, 300, 90], 40_000) == (1400, 300, FAR_TRIANGLES)
+    assert trunk_limits([900], 12_000) == (NEAR_TRIANGLES,)
+    assert trunk_limits([300], 4000) == (600,), "0.15 of the tree's"
+    assert trunk_limits([30, 30], 400) == (FAR_TRIANGLES, FAR_TRIANGLES), "branches would seem to vanish"
     assert trunk_limits([300, 90], 12_000, wished=400) == (100, FAR_TRIANGLES)
     assert trunk_limits([500], 12_000, wished=400) == (1,)
     assert trunk_limits([], 40_000) == ()
@@ -224,15 +222,32 @@ def geometry() -> Geometry:
 
 
 class Bare:
-    """A level without leaves in front of the trunk."""
+    """A level without leaves in front of the trunk, or with leaves that nobody sees."""
+
+    def __init__(self, triangles: int) -> None:
+        self.triangles = triangles
 
     def foliage(self) -> None:
         return None
 
 
-def views(*pairs: tuple[float, int]) -> list[TrunkView]:
-    """Return views of a trunk without leaves, given as pixel and limit."""
-    return [TrunkView(cast("leafcloud.Level", Bare()), pixel, limit) for pixel, limit in pairs]
+def views(*pairs: tuple[float, int], triangles: int = 0) -> list[TrunkView]:
+    """Return views of a trunk, given as pixel and limit, beside leaves with so many `triangles`."""
+    return [TrunkView(cast("leafcloud.Level", Bare(triangles)), pixel, limit) for pixel, limit in pairs]
+
+
+def test_a_trunk_of_few_triangles_beside_its_leaves_stays_whole() -> None:
+    trunk = geometry()
+    first = whole("bark", trunk)
+    assert first.triangles == 384
+
+    def left(limit: int, leaves: int) -> Trunk:
+        [found] = simplified(first, trunk, np.eye(4), views((0.2, limit), triangles=leaves))
+        return found
+
+    assert left(384, 4 * 384) is first
+    assert left(384, 4 * 384 - 4).triangles < 384
+    assert left(383, 4 * 384).triangles < 384, "the limit comes first"
 
 
 def test_levels_never_have_more_triangles_than_the_one_before() -> None:

@@ -1000,7 +1000,7 @@ def simplify(
 
     Corners of the result are corners of the input, without new values. Texture seams and borders between materials and
     colors are preserved, except in connected parts (by vertices, or by edges with coinciding ends) of so few triangles
-    that seams prevent more. Eight pictures from all sides, in cells of two pixels, measure the change. Parts may be
+    that seams prevent more. Sixteen pictures from all sides, in cells of two pixels, measure the change. Parts may be
     removed, so the result may be empty, (0, 3).
 
     The bytes are the same on any number of threads. Another kind of processor may round differently, because

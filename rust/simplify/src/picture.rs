@@ -8,7 +8,7 @@ use leafcloud::{Attributes, Foliage, Material, Progress, Result};
 use crate::Sight;
 
 /// Number of views.
-const VIEWS: usize = 8;
+const VIEWS: usize = 16;
 /// Cells of a picture are this many pixels wide: a part that moves by less than a pixel hardly changes a cell.
 const CELL: f64 = 2.0;
 /// Greatest width of a picture in cells.
