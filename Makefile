@@ -64,7 +64,7 @@ bench: ## measure the speed of the core, and compare its results with alternativ
 	@tools/prerequisites.sh rust
 	@mkdir -p docs/bench
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
-	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/pages.md
+	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/packing.md
 	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
 	cargo bench --quiet --package leafcloud --bench safeguards -- $(CURDIR)/../shared/foliage/*.glb | tee docs/bench/safeguards.md
 	$(if $(wildcard $(MEASURED)),$(MAKE) bench-fidelity bench-relit bench-flight bench-forest bench-drawing bench-speed)

@@ -3,7 +3,7 @@
 //! J. Jylänki, *A thousand ways to pack the bin* (2010): the packer keeps all maximal free rectangles and puts each box, rotated or not,
 //! into the one where it leaves the least of the shorter side. This greedy choice is not optimal overall. So the search changes the order
 //! and the rotations at random in small steps, and keeps a change unless it leaves more area unplaced. An order takes O(n · f), with f free
-//! rectangles: about as many as boxes. Known limit: a local search does not find the optimum. docs/bench/pages.md lists the occupancy of
+//! rectangles: about as many as boxes. Known limit: a local search does not find the optimum. docs/bench/packing.md lists the occupancy of
 //! pages. (The crate `crunch` does this in one order; it fills less in more time.)
 
 use super::{PageSize, Region};
