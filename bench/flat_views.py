@@ -2,9 +2,10 @@
 
 usage: python flat_views.py OUT.npz SIZE VIEWS GRID MODEL …
 
-A MODEL is FILE.glb, or FILE.glb:NODE for one of its levels without the trunk, or FILE.glb:NODE@1 with its morph target
-set. @half moves the samples by half their distance, to measure the sampling error. The bounding sphere of the first
-model frames all pictures, or that of the model with @frame, which is not drawn. Writes one array (views, SIZE, SIZE, 4)
+A MODEL is FILE.glb, or FILE.glb:NODE for one of its levels without the trunk. Behind either, @1 sets the morph target,
+@sway moves the leaves as a breeze does (`sway.py`), and @half moves the samples by half their distance, to measure the
+sampling error. The bounding sphere of the first model frames all pictures, or that of the model with @frame, which is
+not drawn. Writes one array (views, SIZE, SIZE, 4)
 per model: linear light, premultiplied, the mean of GRID × GRID samples on a regular grid in each pixel. That converges
 faster than random samples under a wide filter. Independent of the project's own renderer: Blender imports, Cycles
 renders.
@@ -23,6 +24,7 @@ import numpy as np
 from clear_cells import leave_out_clear
 from mathutils import Vector
 from numpy.typing import NDArray
+from sway import first_of_trunk, places_of, sphere_around, sway
 
 MARGIN = 1.0 / 128.0
 """Margin around the rendered region, as a fraction of the picture's side."""
@@ -70,38 +72,36 @@ def visible_meshes(model: str) -> list[bpy.types.Object]:
         obj.hide_render = name not in ("", obj.name)
         if obj.name == name:
             remove_trunk(obj.data)
-        for block in obj.data.shape_keys.key_blocks[1:] if obj.data.shape_keys else ():
-            block.value = float(state == "1")
-    return [obj for obj in meshes if not obj.hide_render]
+        if obj.data.shape_keys:
+            set_morph(obj, int(state == "1"))
+    visible = [obj for obj in meshes if not obj.hide_render]
+    if state == "sway":
+        sway(visible)
+    return visible
+
+
+def set_morph(obj: bpy.types.Object, number: int) -> None:
+    """Give the mesh the corners of one of its shape keys, and remove these: they keep transparent parts in the mesh."""
+    places = np.empty(3 * len(obj.data.vertices), np.float32)
+    obj.data.shape_keys.key_blocks[number].data.foreach_get("co", places)
+    obj.shape_key_clear()
+    obj.data.vertices.foreach_set("co", places)
 
 
 def remove_trunk(mesh: bpy.types.Mesh) -> None:
-    """Remove the trunk's triangles. The importer makes a material slot of each primitive, and the trunk's come last."""
     import bmesh  # It is there only after bpy.
 
-    first = mesh.get("leafcloud", {}).get("first_trunk_primitive", len(mesh.materials))
     trunk = bmesh.new()
     trunk.from_mesh(mesh)
-    bmesh.ops.delete(trunk, geom=[face for face in trunk.faces if face.material_index >= first], context="FACES")
+    faces = [face for face in trunk.faces if face.material_index >= first_of_trunk(mesh)]
+    bmesh.ops.delete(trunk, geom=faces, context="FACES")
     trunk.to_mesh(mesh)
     trunk.free()
 
 
-def places_of(objects: list[bpy.types.Object]) -> NDArray[np.float64]:
-    """Return all vertices (n, 3) in world space."""
-    world = []
-    for obj in objects:
-        points = np.empty(3 * len(obj.data.vertices))
-        obj.data.vertices.foreach_get("co", points)
-        matrix = np.array(obj.matrix_world)
-        world.append(points.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3])
-    return np.concatenate(world)
-
-
 def bounding_sphere(objects: list[bpy.types.Object]) -> tuple[Vector, float]:
-    places = places_of(objects)
-    centre = (places.min(0) + places.max(0)) / 2.0
-    return Vector(centre), float(np.linalg.norm(places - centre, axis=1).max())
+    centre, radius = sphere_around(places_of(objects))
+    return Vector(centre), radius
 
 
 def set_up_camera(side: int, radius: float) -> bpy.types.Object:
@@ -150,26 +150,36 @@ def picture(path: str, size: int, grid: int) -> NDArray[np.float32]:
     return light.reshape(size, grid, size, grid, 4)[::-1, ::-1].mean((1, 3), dtype=np.float32)
 
 
-def main() -> None:
-    out, size, views, grid, *models = sys.argv[1:]
+def rendered(
+    models: list[str], size: int, views: int, grid: int, *, shrink: bool = True
+) -> dict[str, NDArray[np.float32]]:
+    """Return the pictures (views, size, size, 4) of each model that is drawn.
+
+    shrink: leave out the transparent parts of meshes. That takes seconds a view, so few samples are faster without.
+    """
     frame = next((model for model in models if model.endswith("@frame")), models[0])
     centre, radius = bounding_sphere(visible_meshes(frame))
-    rendered = {}
+    found = {}
     with tempfile.TemporaryDirectory() as folder:
         for model in (model for model in models if not model.endswith("@frame")):
             objects = visible_meshes(model)
             places = places_of(objects)
-            for obj in objects:
+            for obj in objects if shrink else []:
                 leave_out_clear(obj)
-            camera = set_up_camera(int(size) * int(grid), radius)
+            camera = set_up_camera(size * grid, radius)
             if model.endswith("@half"):
-                camera.data.shift_x = camera.data.shift_y = 0.5 / (int(size) * int(grid))
+                camera.data.shift_x = camera.data.shift_y = 0.5 / (size * grid)
             pictures = []
-            for direction in directions(int(views)):
+            for direction in directions(views):
                 look_from(camera, direction, centre, radius, places)
-                pictures.append(picture(str(Path(folder) / "view.exr"), int(size), int(grid)))
-            rendered[model] = np.stack(pictures)
-    np.savez(out, **rendered)
+                pictures.append(picture(str(Path(folder) / "view.exr"), size, grid))
+            found[model] = np.stack(pictures)
+    return found
+
+
+def main() -> None:
+    out, size, views, grid, *models = sys.argv[1:]
+    np.savez(out, **rendered(models, int(size), int(views), int(grid)))
 
 
 if __name__ == "__main__":
