@@ -5,8 +5,8 @@ usage: python bench/refine.py [--ablation] [--cycles] [--suns] [--flight] [--aga
 
 Default trees: foliage of up to 200,000 triangles, and those of bench/unseen_trees.py, small ones first. As in
 bench/fidelity.py, level 1 has at most the billboards of the published method and the same number of texels. The metrics
-render leaves and level from the same 8 views, which no step of a refinement and no test of it uses, with the pages of
-the .blend file and of the GLB file. Level 1 is built with `refine` `off`, `short` and `long`: some minutes a tree.
+render leaves and level from the same 8 views, which no step of a refinement and no test of it uses. Level 1 is built
+with `refine` `off`, `short` and `long`: some minutes a tree.
 
 --ablation: refine the fit of the published method, only the planes, only the texels, and a quarter of the texels.
 --cycles: compare in Cycles, too. --suns: under six suns in Cycles. --flight: on a flight past all levels in Cycles.
@@ -33,7 +33,7 @@ from commits import is_current, measured_commit
 from fidelity import FOLIAGE, ROOT, TREE_LIMIT, flip, run, smaller, triangles
 from numpy.typing import NDArray
 from refine_checks import failures, summary
-from refine_levels import ABLATION, BAKES, LARGEST, Subject, engine_errors, errors, file_size, size_nearest
+from refine_levels import ABLATION, BAKES, LARGEST, Subject, errors, size_nearest, takes_over
 from refine_tables import write_page
 
 import leafcloud
@@ -53,9 +53,8 @@ def measure_levels(subject: Subject) -> Row:
     base, seen = subject.base, subject.seen
     paper = leafcloud.read_gltf(str(subject.folder / "paper.glb"), names=["b"])
     row: Row = {"billboards": subject.billboards, "literal": errors(seen, subject.pictures(paper))}
-    halved, crown = file_size(subject.level("off").level, base.radius)
-    row |= {"halvings": halved, "takes_over": crown}
-    shrunk = LARGEST // size_nearest(crown)
+    row["takes_over"] = takes_over(subject.level("off").level, base.radius)
+    shrunk = LARGEST // size_nearest(row["takes_over"])
     pictures = {"leaves": seen}
     for name in BAKES:
         level, seconds = subject.level(name).level, subject.level(name).seconds
@@ -66,7 +65,6 @@ def measure_levels(subject: Subject) -> Row:
             "seconds": seconds,
             "refine": level.seconds["refine"],
             "billboards": len(level.plane_ids),
-            "engine": engine_errors(seen, base, level, halved),
             "hand_over": flip(smaller(collapsed, shrunk), smaller(pictures[name], shrunk)),
         }
     if subject.tree.stem == PICTURED:

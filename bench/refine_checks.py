@@ -18,14 +18,13 @@ COVERAGE = (0.985, 1.015)
 
 def ratios(row: dict[str, Any]) -> Iterator[tuple[str, float]]:
     """Yield the name of each comparison of a tree, and its error after refinement relative to that before."""
-    engine = {name: row["levels"][name]["engine"] for name in ("off", *REFINED)}
-    pages = {"": row["levels"], ", page for engines": engine}
+    renderers = {"": row["levels"]}
     if "cycles" in row:
-        pages[" in Cycles"] = row["cycles"]
-    for page, found in pages.items():
+        renderers[" in Cycles"] = row["cycles"]
+    for renderer, found in renderers.items():
         for name in REFINED:
             for size in SIZES:
-                yield f"{row['tree']}, {name}{page}, {size}²", found[name][str(size)] / found["off"][str(size)]
+                yield f"{row['tree']}, {name}{renderer}, {size}²", found[name][str(size)] / found["off"][str(size)]
     for way, before in row["suns"]["off"].items() if "suns" in row else ():
         for name in REFINED:
             for size, own, first in zip(SUN_SIZES, row["suns"][name][way], before, strict=True):

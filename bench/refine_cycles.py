@@ -16,12 +16,12 @@ import numpy as np
 import relit
 from fidelity import LEVELS, ROOT, Pictures, flip, rendered, run, smaller
 from flat_views import bounding_sphere
-from read_pages import fans
 from refine_checks import REFINED
 from refine_levels import LARGEST, Subject, errors
 
 import leafcloud
 from addon.bake.values import Baked
+from addon.levels.mesh import polygon_faces
 from addon.settings.bake import BakeSettings
 
 sys.path.insert(0, str(ROOT / "tests" / "support"))
@@ -43,10 +43,12 @@ def write_level(level: leafcloud.Level, file: Path) -> Path:
     # glTF's y is up, and v counts from the top.
     x, y, z = level.corners.T
     u, v = level.uvs.T
+    polygons = np.arange(len(level.polygon_sizes))
+    fans = polygon_faces(level.polygon_sizes, np.arange(level.triangles), polygons, mirrored=False)
     arrays = [
         np.stack([x, z, -y], axis=1).astype("<f4"),
         np.stack([u, 1.0 - v], axis=1).astype("<f4"),
-        fans(level.polygon_sizes)[0].ravel().astype("<u4"),
+        fans.corners.astype("<u4"),
     ]
     primitive = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}
     material = {

@@ -17,29 +17,21 @@ from fidelity import (
     SEED,
     Pictures,
     coverage,
-    directions,
     flip,
     make_alternatives,
-    premultiplied,
     rendered,
     smaller,
 )
-from read_pages import Page
 from refine_checks import SIZES
 
 import leafcloud
 from addon.plan.camera_visibility import far_off, pixels_of
 from addon.plan.lod_range import View
-from addon.plan.pages import halvings
 from addon.plan.quality import distance_of, switch_sizes
 from addon.settings.bake import BakeSettings
 
 LARGEST, SAMPLES = 512, 8
 """Side of the pictures, and samples along a pixel's side. Smaller pictures are means of these."""
-SMALL = 64
-"""Side of the pictures in which the coverage of pages for engines is measured: about where levels take over."""
-MOST_SAMPLES = 16
-"""Most samples along a side of a pixel that the metrics take."""
 PAPER: dict[str, Any] = {"effort": "literal", "candidates": int(CANDIDATES), "seed": int(SEED), "extra_error": 0.0}
 """The fit of the published method."""
 BAKES: dict[str, dict[str, Any]] = {effort: {"refine": effort} for effort in ("off", "short", "long")}
@@ -119,40 +111,14 @@ def errors(base: Pictures, other: Pictures) -> dict[str, float]:
     return {**by_size, "coverage": coverage(base, other)}
 
 
-def file_size(level: leafcloud.Level, radius: float) -> tuple[int, float]:
-    """Return how often bake.py halves the page in a GLB file of this level, and the crown's pixels at its take-over.
-
-    As bake.py chooses them without settings and without a camera in the scene.
-    """
+def takes_over(level: leafcloud.Level, radius: float) -> float:
+    """Return the crown's pixels where bake.py lets this level take over, without settings and without a camera."""
     settings, view = BakeSettings(), View()
     [by_picture] = switch_sizes(settings, [level])
     by_deviation = far_off(level.max_deviation_leaves * radius, settings.switch_pixels, view)
-    takes_over = max(by_deviation, distance_of(by_picture.size, radius, view))
-    return halvings(pixels_of(level.texel_size, takes_over, view)), pixels_of(2.0 * radius, takes_over, view)
+    return pixels_of(2.0 * radius, max(by_deviation, distance_of(by_picture.size, radius, view)), view)
 
 
 def size_nearest(crown: float) -> int:
     """Return the size of the pictures in which a crown is nearest to so many pixels."""
     return min(SIZES, key=lambda size: abs(math.log(size / PICTURE_RADIUS / crown)))
-
-
-def pictures_as_read(base: leafcloud.Foliage, page: Page, size: int, samples: int) -> Pictures:
-    """Render the compared views of a page as an engine reads it."""
-    radius = PICTURE_RADIUS * base.radius
-    frame = {"centre": base.world_centre.tolist(), "radius": radius, "samples": samples, "filtered": False}
-    views = ((list(page.read(direction, 2.0 * radius / size)), direction) for direction in directions())
-    return premultiplied([leafcloud.render(parts, direction, size, **frame) for parts, direction in views])
-
-
-def engine_errors(seen: Pictures, base: leafcloud.Foliage, level: leafcloud.Level, halved: int) -> dict[str, float]:
-    """Return the errors of the billboards with the page of a GLB file as engines read it, by the size of the pictures,
-    and the coverage at SMALL."""
-    page = Page(level, halved)
-    found = {}
-    for size in SIZES:
-        pictures = pictures_as_read(base, page, size, min(SAMPLES * LARGEST // size, MOST_SAMPLES))
-        leaves = smaller(seen, LARGEST // size)
-        found[str(size)] = flip(leaves, pictures)
-        if size == SMALL:
-            found["coverage"] = coverage(leaves, pictures)
-    return found

@@ -24,13 +24,13 @@ ALL_SIZES = ", ".join(f"{size}²" for size in SIZES)
 INTRODUCTION = """# Refinement
 
 Made by `make bench-refine`: level 1 against the leaves, with `refine` `off`, `short` and `long`. Billboards and texels
-are those of the published method (*literal*), as in [fidelity.md](fidelity.md). Textures are those of the .blend file,
-but for the [pages for engines](#pages-for-engines). FLIP is the mean over 8 views that no refinement uses, rendered by
-the metrics with 16 × 16 samples in each pixel (8 × 8 at 512²). In the tables the column *literal* has the error of the
-published method with its own textures; *off*, *short* and *long* are divided by it. A refined level should have at
-most 1.01 of the error of *off* at each size, and a coverage of 0.985 to 1.015 (`bench/refine_checks.py`). `birch` and
-`walnut` are trees that no setting was chosen by (`bench/unseen_trees.py`). Trees with more than 200,000 triangles are
-left out, as in fidelity.md. To measure one, name it: `make bench-refine ARGS=../shared/foliage/maple_1m.glb`.
+are those of the published method (*literal*), as in [fidelity.md](fidelity.md). FLIP is the mean over 8 views that no
+refinement uses, rendered by the metrics with 16 × 16 samples in each pixel (8 × 8 at 512²). In the tables the column
+*literal* has the error of the published method with its own textures; *off*, *short* and *long* are divided by it. A
+refined level should have at most 1.01 of the error of *off* at each size, and a coverage of 0.985 to 1.015
+(`bench/refine_checks.py`). `birch` and `walnut` are trees that no setting was chosen by (`bench/unseen_trees.py`).
+Trees with more than 200,000 triangles are left out, as in fidelity.md. To measure one, name it: `make bench-refine
+ARGS=../shared/foliage/maple_1m.glb`.
 
 {checks}
 
@@ -43,15 +43,6 @@ The leaves of the pine at 256², level 1 as it is baked, level 1 after `--refine
 FLIP of level 1 against the seconds of its fit, its bake and its refinement, on as many cores as the machine has: *off*,
 *short*, *long* from the left. Dotted: the same levels in Cycles.
 """
-
-ENGINES = """## Pages for engines
-
-[Files for engines](../decisions/engine_textures.md) halve and filter textures again. These are the same levels with the
-page of the GLB file, as often halved as `bake.py` halves it for the size where *off* takes over. Each billboard is read
-as graphics cards read it: between the two mip levels that suit its slant and the size of pixels
-(`bench/read_pages.py`). Pages are refined on their mip levels, those of *off* in half as many steps, unless no refined
-page passes its tests. Engines draw the level at that size and smaller. Coverage is measured at 64². *off*: FLIP at
-{sizes}; *short*, *long*: relative to *off*."""
 
 CYCLES = """## In Cycles
 
@@ -101,49 +92,23 @@ def ratio_table(rows: Sequence[Row], size: int) -> str:
     return lines_of([f"FLIP at {size}², relative to literal", "literal", *EFFORTS], body)
 
 
-def size_table(
-    rows: Sequence[Row], title: str, found: Callable[[Row], Row], more: dict[str, Callable[[Row], str]]
-) -> str:
-    """Return a table of errors at all sizes, of the refined levels relative to `off`. more: columns before these."""
+def cycles_part(rows: Sequence[Row]) -> str:
+    """Return the section of errors at all sizes in Cycles, of the refined levels relative to `off`."""
 
     def cells(name: str, errors: Row, places: int, base: Row | None = None) -> str:
         values = [errors[name][str(size)] / (1.0 if base is None else base["off"][str(size)]) for size in SIZES]
         return ", ".join(f"{value:.{places}f}" for value in values)
 
+    found = [row["cycles"] for row in rows]
     body = [
-        [
-            row["tree"],
-            *(column(row) for column in more.values()),
-            cells("off", found(row), 3),
-            *(cells(name, found(row), 2, found(row)) for name in REFINED),
-        ]
-        for row in rows
+        [row["tree"], cells("off", each, 3), *(cells(name, each, 2, each) for name in REFINED)]
+        for row, each in zip(rows, found, strict=True)
     ]
     ratios = np.array(
-        [[[found(row)[name][str(s)] / found(row)["off"][str(s)] for s in SIZES] for name in REFINED] for row in rows]
-    ).mean(axis=0)
-    means = [f"**{', '.join(f'{value:.2f}' for value in each)}**" for each in ratios]
-    body.append(["mean", *[""] * (len(more) + 1), *means])
-    return lines_of([title, *more, *EFFORTS], body)
-
-
-def engine_part(rows: Sequence[Row]) -> str:
-    def engine(row: Row) -> Row:
-        return {name: row["levels"][name]["engine"] for name in EFFORTS}
-
-    def covered(row: Row) -> str:
-        return ", ".join(f"{row['levels'][name]['engine']['coverage']:.3f}" for name in EFFORTS)
-
-    more: dict[str, Callable[[Row], str]] = {
-        "takes over at": lambda row: f"{row['levels']['takes_over']:.0f} pixels",
-        "halvings": lambda row: str(row["levels"]["halvings"]),
-        "coverage: off, short, long": covered,
-    }
-    return f"{ENGINES.format(sizes=ALL_SIZES)}\n\n{size_table(rows, 'FLIP, pages for engines', engine, more)}"
-
-
-def cycles_part(rows: Sequence[Row]) -> str:
-    table = size_table(rows, "FLIP, Cycles", lambda row: row["cycles"], {})
+        [[[each[name][str(s)] / each["off"][str(s)] for s in SIZES] for name in REFINED] for each in found]
+    )
+    means = [f"**{', '.join(f'{value:.2f}' for value in each)}**" for each in ratios.mean(axis=0)]
+    table = lines_of(["FLIP, Cycles", *EFFORTS], [*body, ["mean", "", *means]])
     return f"{CYCLES.format(sizes=ALL_SIZES)}\n\n{table}"
 
 
@@ -269,7 +234,7 @@ def write_page(rows: Sequence[Row], path: Path) -> None:
     if rows:
         write_chart(rows, path.with_name(f"{path.stem}_seconds.png"))
         parts += [ratio_table(rows, size) for size in SIZES]
-        parts += [engine_part(rows), hand_over_part(rows)]
+        parts.append(hand_over_part(rows))
         for name, part in PARTS.items():
             measured = [row for row in rows if name in row]
             if measured:
