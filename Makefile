@@ -79,6 +79,11 @@ bench-refine: setup .venv/.fidelity ## compare level 1 with its leaves before an
 	@mkdir -p docs/bench
 	.venv/bin/python bench/refine.py $(ARGS)
 
+.PHONY: bench-pages
+bench-pages: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## compare level 1 of the files with the leaves, with the pages that the files hold (an hour; ARGS=--engines or --strips for more)
+	@mkdir -p docs/bench
+	.venv/bin/python bench/pages.py $(ARGS)
+
 .PHONY: bench-defaults
 bench-defaults: setup .venv/.fidelity ## bake plants of every kind without settings, and measure the levels (ten minutes)
 	@mkdir -p docs/bench

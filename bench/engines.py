@@ -152,11 +152,19 @@ def bake(tree: Path, engine: str, effects: str = "auto", *more: str) -> Path:
 
 
 def drawn(
-    engine: str, file: Path, view: View, views: Sequence[Any] = (), *, mips: bool = True, **settings: Any
+    engine: str,
+    file: Path,
+    view: View,
+    views: Sequence[Any] = (),
+    *,
+    mips: bool = True,
+    samples: bool = False,
+    **settings: Any,
 ) -> Picture:
     """Return the pictures in an engine: linear light, premultiplied, (views, side, side, 4) in [0, 1].
 
     views: in place of those of `view`, with its field of view. mips: false for three.js without mip levels of PNG.
+    samples: true for three.js with multisampling.
     """
     name = "babylon" if engine == KTX2 else engine
     code = code_of(name, 2).replace("/basis/", TRANSCODER) if engine == KTX2 else code_of(name)
@@ -166,6 +174,7 @@ def drawn(
         "views": views or question["views"],
         "code": code,
         "mips": mips,
+        "samples": samples,
         "settings": {"pixels": zoomed(view), **settings},
     }
     found: Picture = np.stack([picture["pixels"] for picture in pictures(name, file, **asked)]) / 255.0
