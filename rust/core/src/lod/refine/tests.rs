@@ -66,7 +66,6 @@ fn level(foliage: &Foliage, refine: Refinement) -> Level {
 /// Bushes and their first levels, for several tests.
 static UNREFINED_400: LazyLock<(Foliage, Level)> = LazyLock::new(|| bush_and_level(400, Refinement::Off));
 static REFINED_400: LazyLock<(Foliage, Level)> = LazyLock::new(|| bush_and_level(400, Refinement::Short));
-static REFINED_200: LazyLock<(Foliage, Level)> = LazyLock::new(|| bush_and_level(200, Refinement::Short));
 
 fn bush_and_level(count: u32, refine: Refinement) -> (Foliage, Level) {
     let foliage = bush(count);
