@@ -58,9 +58,9 @@ pub struct CutOut<'a> {
     pub mip: usize,
 }
 
-/// Returns the mip level whose texels are nearest to a pixel, if those of the page are so many pixels large.
+/// Returns the mip level that is seen where texels of the page are so many pixels large. Between two levels it is mostly the finer one.
 pub fn mip_of(pixels_per_texel: f64) -> usize {
-    (-libm::log2(pixels_per_texel.max(f64::MIN_POSITIVE))).round().max(0.0) as usize
+    (0.25 - libm::log2(pixels_per_texel.max(f64::MIN_POSITIVE))).floor().max(0.0) as usize
 }
 
 impl CutOut<'_> {
@@ -174,9 +174,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_mip_level_has_texels_of_a_pixel() {
-        for (pixels_per_texel, mip) in [(2.0, 0), (1.0, 0), (0.5, 1), (0.4, 1), (0.25, 2), (0.0, 1074)] {
-            assert_eq!(mip_of(pixels_per_texel).min(1074), mip, "{pixels_per_texel}");
+    fn the_mip_level_has_texels_of_a_pixel_or_somewhat_less() {
+        for (pixels_per_texel, mip) in [(2.0, 0), (1.0, 0), (0.5, 1), (0.4, 1), (0.3, 1), (0.25, 2), (0.2, 2)] {
+            assert_eq!(mip_of(pixels_per_texel), mip, "{pixels_per_texel}");
         }
     }
 
