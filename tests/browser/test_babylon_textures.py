@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import FINE, bake
+from command_line import QUICK, bake
 from engine_views import bundle, code_of, hand_overs, levels_of, pictures, sphere_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,7 +29,7 @@ noise."""
 @pytest.fixture(scope="module")
 def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("babylon_ktx2")
-    bake(shrub, out, *FINE, "--engine", "babylon", "--last", "cross", "--effects=+transitions")
+    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions")
     bundle(out)
     return out / "shrub.glb"
 
