@@ -85,8 +85,8 @@ def dither_masks(mesh: Any) -> None:
         else:
             parent = material.get_base_material().get_path_name()
             unreal.log_warning(
-                f"{material.get_name()}: leaves have hard edges, because the parent {parent} decides. Copy the parent into "
-                "the project, turn Dither Opacity Mask on in the copy, and make it the parent of the material"
+                f"{material.get_name()}: leaves have hard edges, because the parent {parent} decides. Copy it into the "
+                "project, turn Dither Opacity Mask on in the copy, and make it the parent of the material"
             )
 
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import QUICK, bake
-from numpy.typing import NDArray
 
 import leafcloud
 

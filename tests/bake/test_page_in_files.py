@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 import pytest
 from box_mips import box_filtered, linear
-from command_line import QUICK, bake
+from command_line import bake
 from glb import read_chunks, read_glb
 from numpy.typing import NDArray
 from PIL import Image
@@ -24,7 +24,7 @@ from PIL import Image
 import leafcloud
 
 
-def ball(leaves: int, materials: bool = False) -> leafcloud.Foliage:
+def ball(leaves: int) -> leafcloud.Foliage:
     """Return triangles in all directions in a ball: dark ones within, bright ones outside."""
     random = np.random.default_rng(11)
     middles = random.normal(size=(leaves, 3))
@@ -81,7 +81,7 @@ def test_shares_cover_as_much_as_the_leaves_on_all_mips(pair: tuple[leafcloud.Fo
     wanted, color = pictured(leaves, leaves)
     for number, mip in enumerate(box_filtered(level.base_color)[:4]):
         covered, light = pictured(drawn(level, mip, "BLEND"), leaves)
-        # Mip 1 is seen where the level takes over, mip 3 at a quarter of that size: blades reach over their polygons there.
+        # Mip 1 is seen where the level takes over, mip 3 at a quarter of that size. Blades leave their polygons there.
         assert covered / wanted == pytest.approx(1.0, abs=0.03 if number < 2 else 0.12), number
         assert light / color == pytest.approx(1.0, abs=0.05), number
 
@@ -102,9 +102,8 @@ def test_mips_of_ktx2_keep_the_share_above_the_cutoff(pair: tuple[leafcloud.Foli
     _, level = pair
     mips, cutoff = level.mips("base_color"), level.alpha_cutoff
     assert np.array_equal(mips[0], level.base_color)
-    plain, kept = (
-        [places_above(level, image, cutoff) for image in images[:4]] for images in (box_filtered(level.base_color), mips)
-    )
+    filtered = box_filtered(level.base_color)
+    plain, kept = ([places_above(level, image, cutoff) for image in images[:4]] for images in (filtered, mips))
     assert plain[3] < 0.9 * plain[0], "without them much is lost"
     # The texels of regions count here, those on polygons in the core.
     assert kept[1:] == pytest.approx(3 * [kept[0]], rel=0.25)

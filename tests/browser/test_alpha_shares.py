@@ -140,9 +140,7 @@ def decoded(shares: Floats) -> Floats:
 
 @pytest.mark.parametrize("samples", [False, True], ids=["one_sample", "multisampled"])
 @pytest.mark.parametrize("renderer", ["webgl", "webgl2", "webgpu", "babylon"])
-def test_a_billboard_covers_the_share_that_its_alpha_says(
-    files: dict[int, Path], renderer: str, samples: bool
-) -> None:
+def test_a_billboard_covers_the_share_that_its_alpha_says(files: dict[int, Path], renderer: str, samples: bool) -> None:
     if renderer == "webgpu":
         lacking = ask("tests/browser/three_webgpu.html", {"renderer": renderer}, patience=60.0)["lacking"]
         if lacking:

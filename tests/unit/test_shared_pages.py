@@ -64,7 +64,9 @@ def test_mips_of_a_shared_page_keep_the_share_of_each_tree() -> None:
         for mip in level.mips("base_color")[:3]:
             scale = len(level.base_color) // len(mip)
             code = 255.0 * level.alpha_cutoff - 1e-3
-            parts = [mip[y // scale : (y + h) // scale, x // scale : (x + w) // scale, 3] for x, y, w, h in level.regions]
+            ends = ((x, y, x + width, y + height) for x, y, width, height in level.regions)
+            sides = (tuple(side // scale for side in each) for each in ends)
+            parts = [mip[top:bottom, left:right, 3] for left, top, right, bottom in sides]
             shares.append(float((np.concatenate([part.ravel() for part in parts]) >= code).mean()))
         assert shares[1:] == pytest.approx(2 * [shares[0]], rel=0.15)
 

@@ -147,7 +147,7 @@ def test_pages_fit_themselves_unless_a_size_is_given(foliage: Foliage) -> None:
     shape: dict[str, Any] = {"levels": 1, "cross": False, "epsilon": 0.1}
     [level] = leafcloud.build_chain(foliage, **shape).levels
     height, width = level.base_color.shape[:2]
-    # A texel is at most half a pixel where the deviation appears 8 pixels large. On a page of half the size it is larger.
+    # A texel is at most half a pixel where the deviation appears 8 pixels large, and larger on a page of half the size.
     pixel = level.max_deviation_leaves * foliage.radius / 8.0
     assert 2.0 * level.texel_size <= pixel < 5.0 * level.texel_size
     assert max(width, height) <= 1024

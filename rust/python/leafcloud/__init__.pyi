@@ -313,12 +313,12 @@ class Level:
         """(h, w, 4) the leaf of ``leaf_uv``: its index modulo 65536 is red + 256 · green, its material's index is blue
         (255 for the trunk). ``None`` if not requested."""
     def mips(self, channel: str) -> list[NDArray[np.uint8]]:
-        """Return the mip levels (height, width, 4) of ``channel`` ("base_color", "normal" …), the page itself first, down
-        to one texel.
+        """Return the mip levels (height, width, 4) of ``channel`` ("base_color", "normal" …), the page itself first,
+        down to one texel.
 
         Alpha of ``base_color`` is a mean of 2 × 2 texels, bent so that the share of drawn texels at or above
-        ``alpha_cutoff`` stays that of the page (``alpha_pivots``); of an alpha-blended level it is the mean. Normals keep
-        the length 1, colors are averaged as light.
+        ``alpha_cutoff`` stays that of the page (``alpha_pivots``); of an alpha-blended level it is the mean. Normals
+        keep the length 1, colors are averaged as light.
 
         Raises ``LeafcloudError`` for a channel that the level lacks or that has no mips (``leaf_uv``, ``leaf_id``)."""
     def alpha_pivots(self) -> list[float]:
@@ -1008,9 +1008,7 @@ def simplify(
     ``pixel``, ``change`` or ``most`` out of range.
     """
 
-def unrolled_uvs(
-    positions: ArrayLike, triangles: ArrayLike, uvs: ArrayLike, repeats: ArrayLike
-) -> NDArray[np.float32]:
+def unrolled_uvs(positions: ArrayLike, triangles: ArrayLike, uvs: ArrayLike, repeats: ArrayLike) -> NDArray[np.float32]:
     """Return (t, 3, 2) texture coordinates that run on over the edges of triangles, for :func:`simplify`.
 
     Triangles move by whole numbers, which a texture that repeats does not show. Where coordinates turn back at a whole

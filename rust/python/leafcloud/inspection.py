@@ -25,8 +25,8 @@ _LEAST_SHARE = 0.95
 """Least share of the corners of leaves that end on a plane of the next level."""
 
 _KEPT = 0.5, 1.5
-"""Least and most share of a texture's coverage that the first mip level keeps: where the level takes over, texels of that
-are a pixel large."""
+"""Least and most share of a texture's coverage that the first mip level keeps: its texels are a pixel large where the
+level takes over."""
 
 _MOST_TEXELS = 2**24
 """Most texels of a picture that is decoded."""
@@ -328,8 +328,7 @@ def _heights(
 
 
 def _mips(file: GlbFile, node: int) -> Iterator[Check]:
-    """An atlas page keeps its coverage, cut out, in the first box-filtered mip level. KTX2 files have mip levels of their
-    own."""
+    """An atlas page keeps its coverage, cut out, in the first box-filtered mip level. KTX2 has mip levels of its own."""
     for primitive in _leaves(file, node):
         material = file.items("materials")[primitive["material"]] if "material" in primitive else {}
         reference = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})

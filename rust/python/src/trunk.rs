@@ -96,6 +96,6 @@ pub fn unrolled_uvs<'py>(
         let trunk = Foliage::new(&positions, triangles, attributes, vec![Material::default()])?;
         Ok(leafcloud_simplify::unrolled(&trunk, &repeats))
     })?;
-    let flat: Vec<f32> = unrolled.as_flattened().iter().flat_map(|uv| uv.to_array()).collect();
+    let flat: Vec<f32> = unrolled.as_flattened().iter().flat_map(glam::Vec2::to_array).collect();
     flat.into_pyarray(py).reshape([rows, 3, 2])
 }
