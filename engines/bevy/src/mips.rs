@@ -1,54 +1,46 @@
 //! Mip levels for images that have none: Bevy makes none for PNG and JPEG files.
 //!
-//! They are made with a box filter; colors are averaged as light. Those of cutouts keep the share of texels that are drawn.
+//! They are made with a box filter; colors are averaged as light.
 
 use bevy::image::{Image, ImageFilterMode, ImageSampler};
 use bevy::render::render_resource::{TextureDimension, TextureFormat};
 
-/// Alpha in codes at which Bevy draws the edge of a cutout.
-const EDGE: f32 = 127.5;
-
 /// Adds all smaller mip levels to an image with 8 bits a channel. Other images, and those with mip levels, stay as they are.
-pub fn add_mips(image: &mut Image) {
-    if let Some(levels) = levels_of(image, false) {
-        set_levels(image, &levels);
-    }
-}
-
-/// Adds the mip levels of a cutout: as many texels of each level reach half of the alpha as reach the cutoff in the image.
-pub fn add_cutout_mips(image: &mut Image, cutoff: f32) {
-    let Some(mut levels) = levels_of(image, true) else {
+///
+/// `cutoff`: that of a cutout. Its mip levels keep the share of texels that reach the cutoff, so that sparse leaves do not dissolve.
+pub fn add_mips(image: &mut Image, cutoff: Option<f32>) {
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let codes = Codes::of(image.texture_descriptor.format);
+    let (Some(codes), Some(texels), true) = (codes, &image.data, has_one_level(image)) else {
         return;
     };
-    if levels[0].channels > ALPHA {
-        let least = (255.0 * cutoff).ceil() as u8;
-        let share = levels[0].shares()[usize::from(least)];
-        for at in (1..levels.len()).rev() {
-            let (larger, smaller) = levels.split_at_mut(at);
-            larger[at - 1].fill_transparent(&smaller[0]);
-            smaller[0].bend(smaller[0].least_alpha(share));
-        }
-        levels[0].bend(least);
+    let first = Page { width, height, channels: codes.channels, texels: texels.clone() };
+    let halved = |page: &Page| (page.width.max(page.height) > 1).then(|| page.halved(&codes));
+    let mut levels: Vec<_> = std::iter::successors(Some(first), halved).collect();
+    if let Some(cutoff) = cutoff.filter(|_| codes.channels == TEXEL) {
+        keep_share(&mut levels, (255.0 * cutoff).ceil() as u8);
     }
-    set_levels(image, &levels);
-}
-
-/// Returns the image and its smaller mip levels.
-fn levels_of(image: &Image, is_cutout: bool) -> Option<Vec<Page>> {
-    let descriptor = &image.texture_descriptor;
-    let is_flat = descriptor.dimension == TextureDimension::D2 && descriptor.size.depth_or_array_layers == 1;
-    let codes = Codes::of(descriptor.format).filter(|_| is_flat && descriptor.mip_level_count == 1)?;
-    let (width, height) = (image.width() as usize, image.height() as usize);
-    let first = Page { width, height, channels: codes.channels, texels: image.data.clone()? };
-    let smaller = |page: &Page| (page.width.max(page.height) > 1).then(|| page.halved(&codes, is_cutout));
-    Some(std::iter::successors(Some(first), smaller).collect())
-}
-
-fn set_levels(image: &mut Image, levels: &[Page]) {
     image.texture_descriptor.mip_level_count = levels.len() as u32;
-    image.data = Some(levels.iter().flat_map(|level| &level.texels).copied().collect());
+    image.data = Some(levels.into_iter().flat_map(|level| level.texels).collect());
     if let ImageSampler::Descriptor(sampler) = &mut image.sampler {
         sampler.mipmap_filter = ImageFilterMode::Linear;
+    }
+}
+
+fn has_one_level(image: &Image) -> bool {
+    let descriptor = &image.texture_descriptor;
+    let is_flat = descriptor.dimension == TextureDimension::D2 && descriptor.size.depth_or_array_layers == 1;
+    is_flat && descriptor.mip_level_count == 1
+}
+
+/// Changes alpha of all levels after the first: as many of their texels reach this alpha as of the first.
+fn keep_share(levels: &mut [Page], cutoff: u8) {
+    let Some((first, smaller)) = levels.split_first_mut() else {
+        return;
+    };
+    let share = first.shares()[usize::from(cutoff)];
+    for level in smaller {
+        level.bend(level.least_alpha(share), cutoff);
     }
 }
 
@@ -72,12 +64,10 @@ impl Codes {
         Some(Self { channels, linear_from, light: std::array::from_fn(|code| light_of(code as f32 / 255.0)) })
     }
 
-    /// `weights`: those of colors.
-    fn mean(&self, channel: usize, codes: [u8; 4], weights: [f32; 4]) -> u8 {
+    fn mean(&self, channel: usize, codes: [u8; 4]) -> u8 {
         if channel < self.linear_from {
-            let light: f32 =
-                codes.iter().zip(weights).map(|(&code, weight)| self.light[usize::from(code)] * weight).sum();
-            return (srgb_of(light / weights.iter().sum::<f32>()) * 255.0).round() as u8;
+            let light: f32 = codes.iter().map(|&code| self.light[usize::from(code)]).sum();
+            return (srgb_of(light / 4.0) * 255.0).round() as u8;
         }
         let sum: u16 = codes.iter().map(|&code| u16::from(code)).sum();
         ((sum + 2) / 4) as u8
@@ -92,8 +82,8 @@ fn srgb_of(light: f32) -> f32 {
     if light <= 0.003_130_8 { light * 12.92 } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Channel of alpha.
-const ALPHA: usize = 3;
+/// Channels of a texel with alpha, which is the last one.
+const TEXEL: usize = 4;
 
 struct Page {
     width: usize,
@@ -103,64 +93,51 @@ struct Page {
 }
 
 impl Page {
-    /// Returns the page of half the size. The last row and column of an odd size are left out. Colors of a cutout are weighted by alpha.
-    fn halved(&self, codes: &Codes, is_cutout: bool) -> Self {
-        let (width, height, channels) = ((self.width / 2).max(1), (self.height / 2).max(1), self.channels);
-        let mut texels = Vec::with_capacity(width * height * channels);
+    /// Returns the page of half the size. The last row and column of an odd size are left out.
+    fn halved(&self, codes: &Codes) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let mut texels = Vec::with_capacity(width * height * codes.channels);
         for y in 0..height {
             let rows = [2 * y, (2 * y + 1).min(self.height - 1)];
             for x in 0..width {
                 let columns = [2 * x, (2 * x + 1).min(self.width - 1)];
-                let block =
-                    rows.map(|row| columns.map(|column| &self.texels[(row * self.width + column) * channels..]));
-                let block = [block[0][0], block[0][1], block[1][0], block[1][1]];
-                let is_weighted = is_cutout && channels > ALPHA && block.iter().any(|texel| texel[ALPHA] > 0);
-                let weights = block.map(|texel| if is_weighted { f32::from(texel[ALPHA]) } else { 1.0 });
-                texels.extend(
-                    (0..channels).map(|channel| codes.mean(channel, block.map(|texel| texel[channel]), weights)),
-                );
+                for channel in 0..codes.channels {
+                    let code = |row: usize, column: usize| {
+                        self.texels[(rows[row] * self.width + columns[column]) * codes.channels + channel]
+                    };
+                    texels.push(codes.mean(channel, [code(0, 0), code(0, 1), code(1, 0), code(1, 1)]));
+                }
             }
         }
-        Self { width, height, channels, texels }
+        Self { width, height, channels: self.channels, texels }
     }
 
-    /// Gives texels of no alpha the color of the next smaller level, because filters mix it into leaves.
-    fn fill_transparent(&mut self, smaller: &Self) {
-        for (number, texel) in self.texels.chunks_exact_mut(self.channels).enumerate() {
-            if texel[ALPHA] == 0 {
-                let row = (number / self.width / 2).min(smaller.height - 1);
-                let column = (number % self.width / 2).min(smaller.width - 1);
-                let from = (row * smaller.width + column) * smaller.channels;
-                texel[..ALPHA].copy_from_slice(&smaller.texels[from..from + ALPHA]);
-            }
-        }
-    }
-
-    /// Returns for each alpha the share of texels that have at least this alpha.
+    /// Returns for each alpha the share of texels that reach it.
     fn shares(&self) -> [f32; 256] {
         let mut counts = [0; 256];
-        self.texels.iter().skip(ALPHA).step_by(self.channels).for_each(|&alpha| counts[usize::from(alpha)] += 1);
+        self.texels.chunks_exact(TEXEL).for_each(|texel| counts[usize::from(texel[TEXEL - 1])] += 1);
         (0..255).rev().for_each(|alpha| counts[alpha] += counts[alpha + 1]);
         counts.map(|count| count as f32 / (self.width * self.height) as f32)
     }
 
-    /// Returns the alpha that a share of texels nearest to this one has at least.
+    /// Returns the alpha that a share of texels nearest to this one reaches.
     fn least_alpha(&self, share: f32) -> u8 {
         let shares = self.shares();
         let error = |least: &u8| (shares[usize::from(*least)] - share).abs();
         (1..=255).min_by(|one, other| error(one).total_cmp(&error(other))).unwrap_or(255)
     }
 
-    /// Changes alpha so that this value is the first above the edge.
-    fn bend(&mut self, least: u8) {
-        let pivot = f32::from(least) - 0.5;
+    /// Stretches alpha below and above a value so that this value becomes the cutoff.
+    fn bend(&mut self, least: u8, cutoff: u8) {
+        let (from, to) = (f32::from(least) - 0.5, f32::from(cutoff) - 0.5);
         let bent: [u8; 256] = std::array::from_fn(|code| {
             let code = code as f32;
-            let part = if code < pivot { code / pivot } else { 1.0 + (code - pivot) / (255.0 - pivot) };
-            (EDGE * part).round() as u8
+            let new =
+                if code < from { code / from * to } else { 255.0 - (255.0 - code) / (255.0 - from) * (255.0 - to) };
+            new.round() as u8
         });
-        for alpha in self.texels.iter_mut().skip(ALPHA).step_by(self.channels) {
-            *alpha = bent[usize::from(*alpha)];
+        for texel in self.texels.chunks_exact_mut(TEXEL) {
+            texel[TEXEL - 1] = bent[usize::from(texel[TEXEL - 1])];
         }
     }
 }
@@ -176,16 +153,11 @@ mod tests {
         Image::new(size, TextureDimension::D2, data, format, RenderAssetUsages::default())
     }
 
-    /// Returns the number of texels that Bevy draws.
-    fn drawn(texels: &[u8]) -> usize {
-        texels.iter().skip(3).step_by(4).filter(|&&alpha| alpha >= 128).count()
-    }
-
     #[test]
     fn alpha_is_averaged_as_it_is_and_color_as_light() {
         let texels = [[255, 0, 188, 255], [0, 0, 188, 0], [255, 0, 188, 255], [0, 0, 188, 0]];
         let mut page = image(2, 2, TextureFormat::Rgba8UnormSrgb, texels.concat());
-        add_mips(&mut page);
+        add_mips(&mut page, None);
         assert_eq!(page.texture_descriptor.mip_level_count, 2);
         // Half of the light is the sRGB code 188, and half of the alpha is 128.
         assert_eq!(page.data.unwrap()[16..], [188, 0, 188, 128]);
@@ -194,7 +166,7 @@ mod tests {
     #[test]
     fn numbers_are_averaged_as_they_are() {
         let mut page = image(2, 2, TextureFormat::Rgba8Unorm, [[8, 0, 255, 1], [16, 0, 255, 2]].concat().repeat(2));
-        add_mips(&mut page);
+        add_mips(&mut page, None);
         assert_eq!(page.data.unwrap()[16..], [12, 0, 255, 2]);
     }
 
@@ -204,7 +176,7 @@ mod tests {
             [(8, 8, vec![64, 16, 4, 1]), (8, 2, vec![16, 4, 2, 1]), (5, 3, vec![15, 2, 1]), (1, 1, vec![1])]
         {
             let mut page = image(width, height, TextureFormat::R8Unorm, vec![7; (width * height) as usize]);
-            add_mips(&mut page);
+            add_mips(&mut page, None);
             assert_eq!(page.texture_descriptor.mip_level_count as usize, sizes.len());
             assert_eq!(page.data.unwrap(), vec![7; sizes.iter().sum()]);
         }
@@ -213,42 +185,28 @@ mod tests {
     #[test]
     fn images_with_mip_levels_stay() {
         let mut page = image(2, 2, TextureFormat::R8Unorm, vec![1, 2, 3, 4]);
-        add_mips(&mut page);
+        add_mips(&mut page, None);
         let once = page.data.clone();
-        add_mips(&mut page);
+        add_mips(&mut page, None);
         assert_eq!(page.data, once);
     }
 
     #[test]
     fn mip_levels_of_a_cutout_keep_the_drawn_share() {
+        let drawn = |texels: &[u8]| texels.iter().skip(3).step_by(4).filter(|&&alpha| alpha >= 80).count();
         // Of the 16 blocks of 2 × 2 texels, eight have one texel of the cutoff and four have two. No mean reaches the cutoff.
         let is_drawn = |x: usize, y: usize| x % 2 == 0 && (y < 4 && y % 2 == 0 || y == 4 || y == 5);
         let texel = |number: usize| [0, 90, 0, if is_drawn(number % 8, number / 8) { 80 } else { 0 }];
         let mut page = image(8, 8, TextureFormat::Rgba8UnormSrgb, (0..64).flat_map(texel).collect());
-        add_cutout_mips(&mut page, 80.0 / 255.0);
+        add_mips(&mut page, Some(80.0 / 255.0));
         let data = page.data.unwrap();
         assert_eq!([drawn(&data[..256]), drawn(&data[256..320])], [16, 4]);
     }
 
     #[test]
-    fn colors_of_a_cutout_are_those_of_its_drawn_texels() {
-        let data = [[0, 90, 0, 255], [255, 0, 0, 0], [255, 0, 0, 0], [255, 0, 0, 0]].concat();
-        let mut page = image(2, 2, TextureFormat::Rgba8UnormSrgb, data);
-        add_cutout_mips(&mut page, 0.5);
-        assert!(page.data.unwrap().chunks(4).all(|texel| texel[..3] == [0, 90, 0]));
-    }
-
-    #[test]
-    fn a_cutout_without_alpha_has_plain_mip_levels() {
-        let mut page = image(2, 1, TextureFormat::R8Unorm, vec![10, 20]);
-        add_cutout_mips(&mut page, 0.5);
-        assert_eq!(page.data.unwrap(), [10, 20, 15]);
-    }
-
-    #[test]
     fn other_formats_stay() {
         let mut page = image(2, 2, TextureFormat::R32Float, vec![0; 16]);
-        add_mips(&mut page);
+        add_mips(&mut page, None);
         assert_eq!(page.texture_descriptor.mip_level_count, 1);
     }
 }

@@ -6,7 +6,7 @@ use bevy::camera::primitives::MeshAabb;
 use bevy::prelude::*;
 
 use crate::file::{LeafcloudFile, Level, Light};
-use crate::mips::{add_cutout_mips, add_mips};
+use crate::mips::add_mips;
 
 pub(crate) fn make_ready(
     mut events: MessageReader<AssetEvent<LeafcloudFile>>,
@@ -26,8 +26,8 @@ pub(crate) fn make_ready(
         for levels in &mut file.trees {
             centre_meshes(levels, &mut meshes);
             add_light(levels, &mut materials, &mut lit);
-            smooth_cutouts(levels, &mut materials, &mut images);
             add_mips_of(levels, &materials, &mut images);
+            smooth_cutouts(levels, &mut materials);
         }
         file.is_ready = true;
     }
@@ -66,26 +66,38 @@ fn add_light(levels: &[Level], materials: &mut Assets<StandardMaterial>, lit: &m
     }
 }
 
-/// Makes multisampling smooth the edges of cutouts.
-fn smooth_cutouts(levels: &[Level], materials: &mut Assets<StandardMaterial>, images: &mut Assets<Image>) {
+/// Makes multisampling smooth the edges of cutouts. Bevy draws those edges at an alpha of one half, so alpha changes until the cutoff is there.
+fn smooth_cutouts(levels: &[Level], materials: &mut Assets<StandardMaterial>) {
     for part in levels.iter().flat_map(|level| &level.parts) {
-        let Some(mut material) = materials.get_mut(&part.material) else {
-            continue;
-        };
-        if let AlphaMode::Mask(cutoff) = material.alpha_mode {
-            if let Some(mut image) = material.base_color_texture.as_ref().and_then(|image| images.get_mut(image)) {
-                add_cutout_mips(&mut image, cutoff);
-            }
+        if let Some(mut material) = materials.get_mut(&part.material)
+            && let AlphaMode::Mask(cutoff) = material.alpha_mode
+        {
+            let alpha = material.base_color.alpha() * 0.5 / cutoff.max(f32::EPSILON);
+            material.base_color.set_alpha(alpha);
             material.alpha_mode = AlphaMode::AlphaToCoverage;
         }
     }
 }
 
+/// Gives images mip levels, except cutouts of the leaves themselves, which mip levels would thin out.
 fn add_mips_of(levels: &[Level], materials: &Assets<StandardMaterial>, images: &mut Assets<Image>) {
-    let parts = levels.iter().flat_map(|level| &level.parts);
-    for image in parts.filter_map(|part| materials.get(&part.material)).flat_map(images_of) {
-        if let Some(mut image) = images.get_mut(image) {
-            add_mips(&mut image);
+    let materials_of = |level: &Level| -> Vec<&StandardMaterial> {
+        level.parts.iter().filter_map(|part| materials.get(&part.material)).collect()
+    };
+    let own = levels.iter().take(1).flat_map(materials_of);
+    let leaves: HashSet<_> = own
+        .filter(|material| material.alpha_mode != AlphaMode::Opaque)
+        .filter_map(|material| material.base_color_texture.clone())
+        .collect();
+    for material in levels.iter().flat_map(materials_of) {
+        for texture in images_of(material).filter(|&texture| !leaves.contains(texture)) {
+            let cutoff = match material.alpha_mode {
+                AlphaMode::Mask(cutoff) if Some(texture) == material.base_color_texture.as_ref() => Some(cutoff),
+                _ => None,
+            };
+            if let Some(mut image) = images.get_mut(texture) {
+                add_mips(&mut image, cutoff);
+            }
         }
     }
 }
