@@ -328,7 +328,7 @@ def _heights(
 
 
 def _mips(file: GlbFile, node: int) -> Iterator[Check]:
-    """An atlas page keeps its coverage, cut out, in the first box-filtered mip level. KTX2 has mip levels of its own."""
+    """An atlas page, cut out, keeps its coverage in the first box-filtered mip level. KTX2 has levels of its own."""
     for primitive in _leaves(file, node):
         material = file.items("materials")[primitive["material"]] if "material" in primitive else {}
         reference = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})

@@ -12,6 +12,7 @@ use super::cut::CutOut;
 use super::level::{Level, Seconds, tightened};
 use super::references::References;
 use super::settings::ChainSettings;
+use super::tight::Shown;
 use super::tune;
 use crate::atlas::{Atlas, PageChoice, PageSize};
 use crate::error::Result;
@@ -68,14 +69,18 @@ pub(super) fn build(
     let references = References::new(parts, parts, &frame, settings)?;
     progress.tell("tune", 0.85)?;
     let leaves = &references.tuning;
-    let (page, alpha_cutoff) = if settings.blended {
-        (tune::blended(&atlas, &page, &frame, !two_sided, leaves)?, 0.0)
+    let (page, alpha_cutoff, atlas) = if settings.blended {
+        let page = tune::blended(&atlas, &page, &frame, !two_sided, leaves)?;
+        let atlas = tightened(atlas, &Shown::new(&page.base_color, 0.0), farthest, usize::MAX, settings);
+        (page, 0.0, atlas)
     } else {
-        CutOut { atlas: &atlas, frame: &frame, double_sided: !two_sided, leaves, mip: SEEN_MIP }.settled(page)?
+        let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), farthest, usize::MAX, settings);
+        let cut_out = CutOut { atlas: &atlas, frame: &frame, double_sided: !two_sided, leaves, mip: SEEN_MIP };
+        let (page, cutoff) = cut_out.settled(page)?;
+        (page, cutoff, atlas)
     };
     progress.tell("tune", 0.9)?;
     let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
-    let atlas = tightened(atlas, &page, alpha_cutoff, farthest, usize::MAX, settings);
     let pictures = references.report.compare(&billboards(&atlas, &frame, page.material(alpha_cutoff, !two_sided))?)?;
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;

@@ -3,8 +3,9 @@
 //! One page serves all renderers: those that draw alpha as a share (alpha to coverage, alpha hash), and those that cut it out, either with many
 //! samples at the texels themselves or with one sample at box-filtered mip levels. Pictures decide, in the views that tune levels:
 //!
-//! 1. Alpha is bent ([`crate::textures`]) until shares cover as much as the leaves. Leaves become wider or narrower by a fraction of a
-//!    texel: merged onto planes they hide one another more, or less.
+//! 1. Alpha is bent ([`crate::textures`]) until shares cover as much as the leaves, on the mip level that is mostly read where the level
+//!    takes over. Leaves become wider or narrower by a fraction of a texel: merged onto planes they hide one another more, or less, and a little of
+//!    their outlines lies beside the polygons.
 //! 2. The cutoff is the one at which cut-out alpha covers as much as the leaves where the level takes over: on the page itself and on the
 //!    mip level with texels of a pixel. It is near one half.
 //! 3. Means of thin leaves fall below one half on the mip levels behind that. If the level becomes too sparse there, the cutoff falls, until
@@ -32,7 +33,7 @@ const STEP: f64 = 0.01;
 const USUAL: f64 = 0.5;
 
 /// Range of the alpha that bending moves to one half, and to the lowest cutoff.
-const PIVOTS: (f64, f64) = (0.1, 0.9);
+const PIVOTS: (f64, f64) = (0.02, 0.95);
 const FAINT_PIVOTS: (f64, f64) = (0.005, CUTOFFS[0]);
 
 /// Greatest coverage where the level takes over, for the sake of the mip levels behind; the limit is 1.03.
@@ -49,6 +50,7 @@ const BEHIND: usize = 2;
 
 /// Billboards whose page is cut out.
 pub struct CutOut<'a> {
+    /// The layout with tight polygons.
     pub atlas: &'a Atlas,
     pub frame: &'a Frame,
     pub double_sided: bool,
@@ -88,7 +90,11 @@ impl CutOut<'_> {
     /// Returns the page with alpha bent until it covers as much as the leaves if it is drawn as a share.
     fn as_shares(&self, page: Page) -> Result<Page> {
         let with = |pivot: f64| bent(&page.base_color, pivot as f32, USUAL as f32);
-        let excess = |pivot: f64| Ok(ln(self.coverage(&page, with(pivot), AlphaMode::Blend)?));
+        let excess = |pivot: f64| {
+            // Billboards that slant are read two thirds of a level coarser on average (bench/read_pages.py).
+            let level = mips::of_alpha(&with(pivot), self.mip + 2).pop();
+            Ok(ln(level.map_or(Ok(0.0), |level| self.coverage(&page, level, AlphaMode::Blend))?))
+        };
         let base_color = with(least_excess(USUAL, PIVOTS, COVERAGE_ERROR, excess)?);
         Ok(Page { base_color, ..page })
     }
@@ -103,7 +109,7 @@ impl CutOut<'_> {
 
     /// Measures the coverage of a page that is cut out.
     fn measured(&self, page: &Page) -> Result<Measured> {
-        let levels: Vec<Image> = mips::means(&page.base_color).into_iter().take(self.mip + BEHIND + 1).collect();
+        let levels = mips::of_alpha(&page.base_color, self.mip + BEHIND + 1);
         let of_level = |level: &Image| -> Result<[f64; CUTOFFS.len()]> {
             let mut found = [0.0; CUTOFFS.len()];
             for (coverage, cutoff) in found.iter_mut().zip(CUTOFFS) {

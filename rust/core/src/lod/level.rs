@@ -238,23 +238,25 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
     let projection = tune::grown(finer, &cloud, projection, &step.references.tuning)?;
     let ranks = billboard_ranks(&atlas, finer.frame(), settings.fit.seed)?;
     let deviation = step.deviation + cloud.max_deviation();
-    let (page, alpha_cutoff) = if settings.blended {
-        (tune::blended(&atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?, 0.0)
+    let local = deviation / finer.frame().radius;
+    let (page, alpha_cutoff, atlas) = if settings.blended {
+        let page = tune::blended(&atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?;
+        let atlas = tightened(atlas, &Shown::new(&page.base_color, 0.0), local, step.triangles, settings);
+        (page, 0.0, atlas)
     } else {
-        let pixels_per_texel =
-            settings.pixels * atlas.texel() / (deviation / finer.frame().radius).max(f64::MIN_POSITIVE);
+        let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), local, step.triangles, settings);
         let cut_out = CutOut {
             atlas: &atlas,
             frame: finer.frame(),
             double_sided: !two_sided,
             leaves: &step.references.tuning,
-            mip: mip_of(pixels_per_texel),
+            mip: mip_of(settings.pixels * atlas.texel() / local.max(f64::MIN_POSITIVE)),
         };
-        cut_out.settled(page)?
+        let (page, cutoff) = cut_out.settled(page)?;
+        (page, cutoff, atlas)
     };
     tuning(0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
-    let atlas = tightened(atlas, &page, alpha_cutoff, deviation / finer.frame().radius, step.triangles, settings);
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
     let pictures = step.references.report.compare(&shown)?;
     let coverage = pictures.coverage();
@@ -293,8 +295,7 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
 /// there, and its texels at most a pixel.
 pub(super) fn tightened(
     atlas: Atlas,
-    page: &Page,
-    alpha_cutoff: f32,
+    shown: &Shown,
     deviation: f64,
     triangles: usize,
     settings: &ChainSettings,
@@ -302,8 +303,7 @@ pub(super) fn tightened(
     let pixels_per_texel = (settings.pixels * atlas.texel() / deviation.max(f64::MIN_POSITIVE)).min(1.0);
     let copies = if atlas.billboards.iter().any(|billboard| billboard.back) { 2 } else { 1 };
     let scale = Scale { pixels_per_unit: pixels_per_texel, copies };
-    let shown = Shown::new(&page.base_color, alpha_cutoff);
-    with_polygons(atlas, &shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
+    with_polygons(atlas, shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
 }
 
 impl Level {

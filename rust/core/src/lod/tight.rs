@@ -1,7 +1,7 @@
 //! The polygons of a level, around everything that its atlas page shows.
 //!
-//! A level is drawn from its page and from mip levels of it. Small mip levels show something where the page itself shows nothing: a texel of
-//! theirs is opaque around a cluster of thin leaves. So cells count as visible if any of the first [`MIPS`] mip levels shows them.
+//! A level is drawn from its page and from mip levels of it. Mip levels show something where the page itself shows nothing: a texel of
+//! theirs covers more than a leaf. So cells count as visible if any of the first [`MIPS`] mip levels shows them.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -11,12 +11,12 @@ use crate::foliage::Image;
 use crate::polygons::{Cells, Polygon, PolygonSettings, tight};
 use crate::textures::mips;
 
-/// Mip levels after the page itself that the polygons hold. Texels are a pixel at most where a level takes over, and the next level
-/// takes over at some 3.5 times that distance.
-const MIPS: usize = 3;
+/// Mip levels after the page itself that the polygons hold. Texels are half a pixel at most where a level takes over, and the next level
+/// takes over at some 2.5 times that distance.
+const MIPS: usize = 2;
 
-/// Alpha that counts on the page itself, where the cutoff is larger: renderers that draw alpha as a share show less than the cutoff, too.
-const OF_SHARES: f32 = 0.25;
+/// Least alpha that counts: renderers that draw alpha as a share show little of less. On faint pages a share of the greatest alpha.
+pub(super) const OF_SHARES: f32 = 0.25;
 
 /// Alpha codes below this are not drawn on blended billboards.
 const FAINTEST: f32 = 2.0;
@@ -32,9 +32,9 @@ struct AlphaLevel {
 }
 
 impl AlphaLevel {
-    fn new(alpha: Vec<u8>, width: usize, scale: f64, cutoff: f32) -> Self {
+    fn new(alpha: Vec<u8>, width: usize, scale: f64, least: f32) -> Self {
         let height = alpha.len() / width;
-        Self { alpha, width, height, scale, least: (255.0 * cutoff).max(FAINTEST) }
+        Self { alpha, width, height, scale, least: (255.0 * least).max(FAINTEST) }
     }
 
     /// Returns the four texels around a place on the page, in texels of the page, and the place between them.
@@ -72,13 +72,19 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// `page` is cut out at `cutoff`; 0 means alpha blended.
-    pub fn new(page: &Image, cutoff: f32) -> Self {
+    /// Returns what shows of a page whose alpha is the share of a texel that leaves cover.
+    pub fn of_shares(page: &Image) -> Self {
+        let greatest = page.alpha().into_iter().max().unwrap_or(0);
+        Self::new(page, OF_SHARES * f32::from(greatest) / 255.0)
+    }
+
+    /// Returns what shows of a page from this alpha on; [`FAINTEST`] at least.
+    pub fn new(page: &Image, least: f32) -> Self {
         let level =
-            |(number, mip): (u32, Image)| AlphaLevel::new(mip.alpha(), mip.width(), f64::from(1 << number), cutoff);
+            |(number, mip): (u32, Image)| AlphaLevel::new(mip.alpha(), mip.width(), f64::from(1 << number), least);
         Self {
-            page: AlphaLevel::new(page.alpha(), page.width(), 1.0, cutoff.min(OF_SHARES)),
-            mips: (0..).zip(mips::means(page)).skip(1).take(MIPS).map(level).collect(),
+            page: AlphaLevel::new(page.alpha(), page.width(), 1.0, least),
+            mips: (0..).zip(mips::of_alpha(page, MIPS + 1)).skip(1).map(level).collect(),
         }
     }
 

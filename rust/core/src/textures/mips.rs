@@ -93,6 +93,20 @@ pub fn means(image: &Image) -> Levels {
     levels
 }
 
+/// Returns the first mip levels of alpha, `most` with the image itself, as [`means`] has it; without colors, which take most of the time.
+#[must_use]
+pub fn of_alpha(image: &Image, most: usize) -> Levels {
+    let pixels = image.pixels().iter().map(|p| Vec4::splat(f32::from(p[3])));
+    let mut means = Canvas { width: image.width(), height: image.height(), pixels: pixels.collect() };
+    let mut levels = vec![image.clone()];
+    while levels.len() < most && (means.width > 1 || means.height > 1) {
+        means = halved(&means);
+        let codes: Vec<[u8; 4]> = means.pixels.iter().map(|mean| [0, 0, 0, (mean.x + 0.5) as u8]).collect();
+        levels.push(Image::new(means.width, means.height, codes).expect("as many as the canvas has"));
+    }
+    levels
+}
+
 /// Returns the mip levels of linear values such as occlusion, roughness and metallic: means of their codes.
 #[must_use]
 pub fn of_shares(image: &Image) -> Levels {

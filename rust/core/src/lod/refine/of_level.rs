@@ -8,6 +8,7 @@ use crate::lod::billboards::billboards;
 use crate::lod::cut::mip_of;
 use crate::lod::level::{Level, Step, tightened};
 use crate::lod::settings::ChainSettings;
+use crate::lod::tight::{OF_SHARES, Shown};
 use crate::lod::tune;
 use crate::progress::Progress;
 
@@ -21,9 +22,9 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
     }
     let started = Instant::now();
     let whole = level.atlas.with_rectangles();
-    let tight = |cutoff: f32, level: &Level| {
+    let tight = |least: f32, level: &Level| {
         let deviation = level.max_deviation_leaves / level.frame.radius;
-        tightened(whole.clone(), &level.page, cutoff, deviation, step.triangles, settings)
+        tightened(whole.clone(), &Shown::new(&level.page.base_color, least), deviation, step.triangles, settings)
     };
     let subject = Subject {
         leaves: step.leaves,
@@ -38,7 +39,7 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
     let made = subject.refined(&level.page, level.alpha_cutoff, settings.refine, progress)?;
     let RefinedPage { page, cutoff: alpha_cutoff, refined } = made;
     let mut level = Level { page, alpha_cutoff, refined: Some(refined), ..level };
-    level.atlas = tight(alpha_cutoff, &level);
+    level.atlas = tight(alpha_cutoff.min(OF_SHARES), &level);
     let shown = billboards(&level.atlas, &level.frame, level.page.material(alpha_cutoff, !level.two_sided))?;
     level.pictures = step.references.report.compare(&shown)?;
     level.coverage = level.pictures.coverage();
