@@ -6,8 +6,8 @@ extends RefCounted
 const HALF_A_CODE := 0.5 / 255.0
 
 
-## The texture of the leaves themselves with mip levels in which alpha stands for the share of the texels that the cutoff
-## leaves, one half at the cutoff, and the color is the mean of these texels.
+## The texture of the leaves themselves with mip levels in which alpha is the share of the texels that the cutoff leaves, and
+## the color is the mean of these texels.
 static func with_mips(texture: Texture2D, cutoff: float) -> Texture2D:
 	var image := texture.get_image()
 	if image.is_compressed():
@@ -45,7 +45,7 @@ static func _smaller_levels(image: Image, cutoff: float) -> Image:
 	small.generate_mipmaps()
 	var numbers := small.get_data().to_float32_array()
 	for level in range(small.get_mipmap_count(), -1, -1):
-		_divide_by_alpha(numbers, small, level, cutoff)
+		_divide_by_alpha(numbers, small, level)
 	small.set_data(small.get_width(), small.get_height(), true, Image.FORMAT_RGBAF, numbers.to_byte_array())
 	small.convert(Image.FORMAT_RGBA8)
 	return small
@@ -67,9 +67,9 @@ static func _drawn_texels(bytes: PackedByteArray, cutoff: float) -> PackedFloat3
 	return numbers
 
 
-## Turns sums of drawn texels into their mean, as sRGB, and their share into alpha. Texels without any take the color of the
-## next smaller level, which must be done: filtering mixes them into leaves.
-static func _divide_by_alpha(numbers: PackedFloat32Array, image: Image, level: int, cutoff: float) -> void:
+## Turns sums of drawn texels into their mean, as sRGB. Texels without any take the color of the next smaller level, which
+## must be done: filtering mixes them into leaves.
+static func _divide_by_alpha(numbers: PackedFloat32Array, image: Image, level: int) -> void:
 	var size := _size(image, level)
 	var next := mini(level + 1, image.get_mipmap_count())
 	var next_size := _size(image, next)
@@ -86,8 +86,7 @@ static func _divide_by_alpha(numbers: PackedFloat32Array, image: Image, level: i
 			numbers[at] = color.r + HALF_A_CODE
 			numbers[at + 1] = color.g + HALF_A_CODE
 			numbers[at + 2] = color.b + HALF_A_CODE
-			var share := 2.0 * numbers[at + 3]
-			numbers[at + 3] = (share * cutoff if share < 1.0 else lerpf(cutoff, 1.0, share - 1.0)) + HALF_A_CODE
+			numbers[at + 3] += HALF_A_CODE
 
 
 static func _size(image: Image, level: int) -> Vector2i:
