@@ -306,22 +306,24 @@ SECTIONS: tuple[tuple[str, tuple[str, ...], Callable[[Row], list[str]]], ...] = 
 
 def document(rows: Sequence[Row]) -> str:
     """Return the document: each tree and hand-over in a row for each label."""
-    flat = [(row, crown) for row in rows for crown in row.get("crowns", ())]
+    by_tree = sorted(rows, key=lambda row: row["tree"])
+    flat = [(row, crown) for row in by_tree for crown in row.get("crowns", ())]
     flat.sort(key=lambda each: (each[0]["tree"], -int(each[1])))
     parts = [INTRODUCTION, table(("label", "commits", "level 1", "jump"), list(goal_rows(rows)))]
     for text, names, cells in SECTIONS:
         body = [[row["tree"], crown, row["label"], *cells(row["crowns"][crown])] for row, crown in flat]
         parts += [text, table(("tree", "crown", "label", *names), body)]
-    three = [[row["tree"], row["label"], *cells_of(*row["three"])] for row in rows if "three" in row]
+    three = [[row["tree"], row["label"], *cells_of(*row["three"])] for row in by_tree if "three" in row]
     if three:
-        parts += [ENGINES, table(("tree", "label", "one sample a pixel", "multisampling"), sorted(three))]
+        parts += [ENGINES, table(("tree", "label", "one sample a pixel", "multisampling"), three)]
     return "\n".join(parts)
 
 
 def goal_rows(rows: Sequence[Row]) -> Iterator[list[str]]:
     """Yield for each label the mean and the largest of level 1 and of the jump at GOAL pixels."""
-    for label in dict.fromkeys(row["label"] for row in rows):
-        own = [row for row in rows if row["label"] == label and "crowns" in row]
+    baked = [row for row in rows if "crowns" in row]
+    for label in dict.fromkeys(row["label"] for row in baked):
+        own = [row for row in baked if row["label"] == label]
         found = [row["crowns"][str(GOAL)]["cycles"] for row in own]
         figures = ([each[name] for each in found] for name in ("level", "jump"))
         commits = ", ".join(dict.fromkeys(row["commit"] for row in own))
