@@ -99,8 +99,8 @@ def test_the_command_reads_the_promises_of_compressed_files(folders: dict[str, P
     from leafcloud.inspection import inspect
 
     plain, packed = (inspect(folders[name] / "shrub.glb") for name in ("three", "three compressed"))
-    # Mip levels are checked at image coordinates, which are integers in compressed files; these are not decoded.
-    wanted = [(each.name, each.holds) for each in plain.checks if "mip levels" not in each.name]
+    # A mip level is checked at image coordinates, which are integers in compressed files; these are not decoded.
+    wanted = [(each.name, each.holds) for each in plain.checks if "mip level" not in each.name]
     assert [(each.name, each.holds) for each in packed.checks] == wanted
     assert len(wanted) >= 5
     assert all(each.holds for each in packed.checks)

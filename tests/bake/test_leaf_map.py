@@ -294,7 +294,7 @@ def test_gltf_has_the_labels_as_they_are(tmp_path: Path, gltf_issues: Callable[.
     [material], [known] = document["materials"], without["materials"]
     extras = material.pop("extras")["leafcloud"]
     assert {**material, "name": known["name"]} == known
-    assert set(extras) == {"leafUvTexture", "leafIdTexture"}
+    assert set(extras) == {"leafUvTexture", "leafIdTexture", "alphaPivots"}
     for key, pixels in (("leafUvTexture", result.chain.levels[0].leaf_uv),
                         ("leafIdTexture", result.chain.levels[0].leaf_id)):  # fmt: skip
         texture = document["textures"][extras[key]["index"]]

@@ -81,8 +81,8 @@ def test_shares_cover_as_much_as_the_leaves_on_all_mips(pair: tuple[leafcloud.Fo
     wanted, color = pictured(leaves, leaves)
     for number, mip in enumerate(box_filtered(level.base_color)[:4]):
         covered, light = pictured(drawn(level, mip, "BLEND"), leaves)
-        # Mip 1 is seen where the level takes over, mip 3 at a quarter of that size. Blades leave their polygons there.
-        assert covered / wanted == pytest.approx(1.0, abs=0.03 if number < 2 else 0.12), number
+        # Mips 1 and 2 are seen where the level takes over, mip 3 at half or a quarter of that size.
+        assert covered / wanted == pytest.approx(1.0, abs=[0.08, 0.04, 0.04, 0.12][number]), number
         assert light / color == pytest.approx(1.0, abs=0.05), number
 
 
@@ -94,7 +94,8 @@ def test_cut_out_pages_cover_as_much_as_the_leaves_where_they_take_over(
     wanted, _ = pictured(leaves, leaves)
     mips = box_filtered(level.base_color)[:4]
     found = [pictured(drawn(level, mip, "MASK"), leaves)[0] / wanted for mip in mips]
-    assert found[:2] == pytest.approx([1.0, 1.0], abs=0.04)
+    assert found[0] == pytest.approx(1.0, abs=0.03)
+    assert found[1] == pytest.approx(1.0, abs=0.06)
     assert 0.3 <= level.alpha_cutoff <= 0.6
 
 

@@ -3,13 +3,12 @@
 //! One page serves all renderers: those that draw alpha as a share (alpha to coverage, alpha hash), and those that cut it out, either with many
 //! samples at the texels themselves or with one sample at box-filtered mip levels. Pictures decide, in the views that tune levels:
 //!
-//! 1. Alpha is bent ([`crate::textures`]) until shares cover as much as the leaves, on the mip level that is mostly read where the level
+//! 1. Alpha is bent ([`crate::textures`]) until shares cover as much as the leaves, on the mip levels that are read where the level
 //!    takes over. Leaves become wider or narrower by a fraction of a texel: merged onto planes they hide one another more, or less, and a little of
 //!    their outlines lies beside the polygons.
-//! 2. The cutoff is the one at which cut-out alpha covers as much as the leaves where the level takes over: on the page itself and on the
-//!    mip level with texels of a pixel. It is near one half.
-//! 3. Means of thin leaves fall below one half on the mip levels behind that. If the level becomes too sparse there, the cutoff falls, until
-//!    the level covers [`NEAR`] where it takes over.
+//! 2. The cutoff is the one at which the page itself, cut out, covers as much as the leaves. It is near one half.
+//! 3. Means of thin leaves fall below one half on mip levels. If the level becomes too sparse there, the cutoff falls, until the level covers
+//!    [`NEAR`] where it takes over.
 //! 4. If leaves are so thin or so faint that they cover too little even at the lowest cutoff, alpha is bent to make them wider.
 //!
 //! Known limit: needles much thinner than a pixel are lost on the last of these mip levels for renderers that cut out.
@@ -36,13 +35,13 @@ const USUAL: f64 = 0.5;
 const PIVOTS: (f64, f64) = (0.02, 0.95);
 const FAINT_PIVOTS: (f64, f64) = (0.005, CUTOFFS[0]);
 
-/// Greatest coverage where the level takes over, for the sake of the mip levels behind; the limit is 1.03.
+/// Greatest coverage where the level takes over, for the sake of the mip levels; the limit is 1.03.
 const NEAR: f64 = 1.025;
 
 /// Coverage wanted on the mip levels behind; the limit is 0.93.
 const FAR: f64 = 0.945;
 
-/// Coverage at the lowest cutoff below which leaves count as too thin.
+/// Coverage where the level takes over below which leaves count as too thin.
 const TOO_THIN: f64 = 0.98;
 
 /// Mip levels behind the one with texels of a pixel on which the level should stay dense: down to a quarter of its size.
@@ -73,7 +72,7 @@ impl CutOut<'_> {
     pub fn settled(&self, page: Page) -> Result<(Page, f32)> {
         let page = self.as_shares(page)?;
         let coverage = self.measured(&page)?;
-        if coverage.near(CUTOFFS[0]) < TOO_THIN {
+        if between(&coverage.near[0], CUTOFFS[0]) < TOO_THIN {
             return Ok((self.widened(page)?, CUTOFFS[0] as f32));
         }
         Ok((page, coverage.best_cutoff()))
@@ -92,8 +91,10 @@ impl CutOut<'_> {
         let with = |pivot: f64| bent(&page.base_color, pivot as f32, USUAL as f32);
         let excess = |pivot: f64| {
             // Billboards that slant are read two thirds of a level coarser on average (bench/read_pages.py).
-            let level = mips::of_alpha(&with(pivot), self.mip + 2).pop();
-            Ok(ln(level.map_or(Ok(0.0), |level| self.coverage(&page, level, AlphaMode::Blend))?))
+            let levels = mips::of_alpha(&with(pivot), self.mip + 2).into_iter().skip(self.mip);
+            let found = levels.map(|level| self.coverage(&page, level, AlphaMode::Blend).map(ln));
+            let found = found.collect::<Result<Vec<f64>>>()?;
+            Ok(found.iter().sum::<f64>() / found.len().max(1) as f64)
         };
         let base_color = with(least_excess(USUAL, PIVOTS, COVERAGE_ERROR, excess)?);
         Ok(Page { base_color, ..page })
@@ -140,21 +141,17 @@ struct Measured {
 }
 
 impl Measured {
-    /// Returns the mean coverage where the level takes over.
-    fn near(&self, cutoff: f64) -> f64 {
-        0.5 * (between(&self.near[0], cutoff) + between(&self.near[1], cutoff))
-    }
-
-    /// Returns whether the level is dense enough at a cutoff on the mip levels behind.
+    /// Returns whether the level is dense enough at a cutoff on all mip levels that are seen.
     fn is_dense(&self, cutoff: f64) -> bool {
-        self.behind.iter().all(|of_level| between(of_level, cutoff) >= FAR)
+        let behind = self.behind.iter().all(|of_level| between(of_level, cutoff) >= FAR);
+        behind && between(&self.near[1], cutoff) >= TOO_THIN
     }
 
-    /// Returns the cutoff with the coverage of the leaves, or a lower one for the sake of the mip levels behind.
+    /// Returns the cutoff with the coverage of the leaves, or a lower one for the sake of the mip levels.
     fn best_cutoff(&self) -> f32 {
         let steps = ((CUTOFFS[CUTOFFS.len() - 1] - CUTOFFS[0]) / STEP).round() as usize;
         let cutoff = |step: usize| CUTOFFS[0] + STEP * step as f64;
-        let off = |step: usize| (self.near(cutoff(step)) - 1.0).abs();
+        let off = |step: usize| (between(&self.near[0], cutoff(step)) - 1.0).abs();
         let most = |step: usize| self.near.iter().map(|of| between(of, cutoff(step))).fold(0.0, f64::max);
         let mut best = (0..=steps).min_by(|&a, &b| off(a).total_cmp(&off(b))).unwrap_or(steps);
         while best > 0 && !self.is_dense(cutoff(best)) && most(best - 1) <= NEAR {

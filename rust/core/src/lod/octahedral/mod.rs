@@ -49,11 +49,11 @@ impl Default for Size {
 }
 
 impl Size {
-    /// Returns the size for a tree that is at most so many pixels large: about a texel a pixel.
+    /// Returns the size for a tree that is at most so many pixels large: a texel a pixel at least, within the margin.
     #[must_use]
     pub fn for_crown(pixels: f64) -> Self {
         let Self { grid, texels } = Self::default();
-        Self { grid, texels: (pixels.ceil() as usize).next_power_of_two().clamp(LEAST_TEXELS, texels) }
+        Self { grid, texels: (pixels.ceil() as usize + 2).next_power_of_two().clamp(LEAST_TEXELS, texels) }
     }
 
     fn check(self) -> Result<()> {
