@@ -94,7 +94,7 @@ def test_cut_out_pages_cover_as_much_as_the_leaves_where_they_take_over(
     wanted, _ = pictured(leaves, leaves)
     mips = box_filtered(level.base_color)[:4]
     found = [pictured(drawn(level, mip, "MASK"), leaves)[0] / wanted for mip in mips]
-    assert found[0] == pytest.approx(1.0, abs=0.03)
+    assert found[0] == pytest.approx(1.0, abs=0.04)
     assert found[1] == pytest.approx(1.0, abs=0.06)
     assert 0.3 <= level.alpha_cutoff <= 0.6
 
