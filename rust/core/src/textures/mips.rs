@@ -94,6 +94,9 @@ pub fn means(image: &Image) -> Levels {
 }
 
 /// Returns the first mip levels of alpha, `most` with the image itself, as [`means`] has it; without colors, which take most of the time.
+///
+/// # Panics
+/// Never: a level has as many texels as its canvas.
 #[must_use]
 pub fn of_alpha(image: &Image, most: usize) -> Levels {
     let pixels = image.pixels().iter().map(|p| Vec4::splat(f32::from(p[3])));
