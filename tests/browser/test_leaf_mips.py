@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from command_line import bake
 from engine_views import ROWS, bundle, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
 from laws import Floats
@@ -46,7 +46,8 @@ def striped(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         document["buffers"][0]["byteLength"] = len(body)
 
     tree = rewritten(shrub, out / "shrub.glb", paint)
-    settings = (*QUICK, "--last", "cross", "--effects=+transitions")
+    fine = ("--texture-size", 256, "--epsilon", 0.1, "--every-level")
+    settings = (*fine, "--last", "cross", "--effects=+transitions")
     for engine in ("three", "babylon"):
         bake(tree, out / engine, *settings, "--engine", engine)
     bundle(out / "babylon")

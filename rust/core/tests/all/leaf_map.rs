@@ -88,10 +88,11 @@ fn labels_match_colors_on_every_level() {
     let settings = settings();
     let leaves = coil();
     let chain = build_chain(&leaves, None, &settings, Progress::silent()).unwrap();
-    // Where leaves cross, a texel averages their colors but has one label; a texel of the cross impostor is a fifth of a leaf.
+    // Where leaves cross, a texel averages their colors but has one label; a texel of the cross impostor is a fifth of a leaf, and takes the
+    // color of texels below the cutoff around it.
     for (level, within) in chain.levels.iter().zip([6.0, 12.0, 40.0]) {
         let share = agreement(level, within);
-        assert!(share > 0.85, "{}: {share}", level.method);
+        assert!(share > 0.8, "{}: {share}", level.method);
     }
     let leaves = leaves.with_materials(|material| Material { image: None, ..material.clone() });
     let other = build_chain(&leaves, None, &settings, Progress::silent()).unwrap();
