@@ -52,7 +52,7 @@ GRIDS = {540: 2, 216: 6, 54: 8}
 GOAL = 216
 """The hand-over of the goals."""
 MARGIN = 1.025
-"""Side of a picture over the diameter of what it shows."""
+"""Side of a picture, divided by the diameter of the leaves' sphere."""
 VIEWS = 4
 PARTS = (1, 2, 4)
 """The hand-over, and how many times as far pages are read."""

@@ -1,5 +1,4 @@
-"""One page a level: files hold what was baked. It suits engines that make box-filtered mips, and draw alpha as a share
-or cut it out.
+"""Files hold the baked atlas page. Its coverage holds on box-filtered mips, for fractional alpha and for cutouts.
 
 The oracle computes means of 2 × 2 texels, and pictures from sides that no tuning uses.
 """
@@ -123,7 +122,7 @@ def test_alpha_pivots_tell_the_share_that_alpha_stands_for(pair: tuple[leafcloud
 
 
 def places_above(level: leafcloud.Level, image: NDArray[np.uint8], cutoff: float) -> float:
-    """Return the share of the texels in the billboards' regions whose alpha reaches the cutoff."""
+    """Count the texels of all billboards with alpha at or above the cutoff, and return their share."""
     scale = len(level.base_color) // len(image)
     above = count = 0
     for left, top, width, height in level.regions.astype(int):

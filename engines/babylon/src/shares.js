@@ -6,8 +6,8 @@ import { hasShares } from "./textures.js";
 export const MIPS = 16;
 
 /**
- * Returns the pivots of the mip levels of a cut-out material whose alpha is a share: on atlas pages, and on textures of leaves with such
- * mip levels; else null.
+ * Returns the alpha pivots of a material's mip levels if its alpha is a share (atlas pages, and textures of leaves with mip levels of shares),
+ * otherwise null.
  */
 export function pivotsOf({ albedoTexture: texture, transparencyMode, alphaCutOff, metadata }) {
   if (transparencyMode !== Material.MATERIAL_ALPHATEST || !texture || hasShares(texture) === false) return null;

@@ -28,7 +28,7 @@ const CUTOFFS: [f64; 4] = [0.3, 0.4, 0.5, 0.6];
 /// Step between the cutoffs to choose from.
 const STEP: f64 = 0.01;
 
-/// The cutoff of a page whose alpha is exactly the covered share.
+/// The cutoff at which a straight outline keeps its place.
 const USUAL: f64 = 0.5;
 
 /// Range of the alpha that bending moves to one half, and to the lowest cutoff.
@@ -59,7 +59,8 @@ pub struct CutOut<'a> {
     pub mip: usize,
 }
 
-/// Returns the mip level that is seen where texels of the page are so many pixels large. Between two levels it is mostly the finer one.
+/// Returns the mip level that renderers read if a texel of the page is `pixels_per_texel` pixels wide. Between two levels it is mostly the
+/// finer one.
 pub fn mip_of(pixels_per_texel: f64) -> usize {
     (0.25 - libm::log2(pixels_per_texel.max(f64::MIN_POSITIVE))).floor().max(0.0) as usize
 }
@@ -78,7 +79,7 @@ impl CutOut<'_> {
         Ok((page, coverage.best_cutoff()))
     }
 
-    /// Returns the cutoff of a page whose alpha stays.
+    /// Returns the best cutoff of a page, without changing its alpha.
     ///
     /// # Errors
     /// No billboard has an area.

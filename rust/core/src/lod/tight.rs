@@ -72,13 +72,13 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// Returns what shows of a page whose alpha is the share of a texel that leaves cover.
+    /// Returns the visible parts of a page with fractional alpha.
     pub fn of_shares(page: &Image) -> Self {
         let greatest = page.alpha().into_iter().max().unwrap_or(0);
         Self::new(page, OF_SHARES * f32::from(greatest) / 255.0)
     }
 
-    /// Returns what shows of a page from this alpha on; [`FAINTEST`] at least.
+    /// Returns the parts of a page with at least this alpha; codes below [`FAINTEST`] are invisible.
     pub fn new(page: &Image, least: f32) -> Self {
         let level =
             |(number, mip): (u32, Image)| AlphaLevel::new(mip.alpha(), mip.width(), f64::from(1 << number), least);

@@ -59,7 +59,8 @@ pub fn pivots(image: &Image, part: &PagePart) -> Vec<f32> {
     pivots
 }
 
-/// Returns for each code the share of the drawn area whose alpha (x) reaches it; zeros without a drawn area (y).
+/// Returns for each alpha code the share of the drawn area that reaches it. Texels have alpha in x and the area of their polygons in y. All
+/// shares are 0 without an area.
 fn passing(level: &Canvas) -> [f64; 256] {
     let mut area = [0.0; 256];
     for texel in &level.pixels {
@@ -74,7 +75,7 @@ fn passing(level: &Canvas) -> [f64; 256] {
     area
 }
 
-/// Returns the alpha, between two codes, that a share nearest to `wanted` exceeds; `None` where nothing or everything is wanted.
+/// Returns the alpha between two codes for which the share above it is nearest to `wanted`; `None` if `wanted` is 0 or 1.
 fn pivot(passing: &[f64; 256], wanted: f64) -> Option<f32> {
     let off = |code: &usize| (passing[*code] - wanted).abs();
     let nearest = (1..256).min_by(|a, b| off(a).total_cmp(&off(b)))?;
@@ -93,7 +94,8 @@ pub fn means(image: &Image) -> Levels {
     levels
 }
 
-/// Returns the first mip levels of alpha, `most` with the image itself, as [`means`] has it; without colors, which take most of the time.
+/// Returns the image and its box-filtered mip levels of alpha, `most` images in all. Colors are black, because they take most of the time of
+/// [`means`].
 ///
 /// # Panics
 /// Never: a level has as many texels as its canvas.
