@@ -18,7 +18,7 @@ use crate::errors::{Failure, read, refuse, shown};
 use crate::foliage::PyFoliage;
 use crate::goal::{Built, Goal, Wanted};
 use crate::options::Options;
-use crate::work::{self, PATIENCE, guard};
+use crate::work::{self, OfThisProcess, PATIENCE, guard};
 
 /// The result of work.
 #[derive(Clone)]
@@ -120,8 +120,9 @@ impl Work {
                 shown(progress)
             )));
         }
-        let (events, mut happened) = mpsc::channel();
+        let (events, happened) = mpsc::channel();
         let (answer, answers) = mpsc::channel();
+        let (mut happened, mut answer) = (OfThisProcess::new(happened), OfThisProcess::new(answer));
         let stopped = Arc::new(AtomicBool::new(false));
         let caller =
             Caller { listens: progress.is_some(), events, answers: Mutex::new(answers), stopped: Arc::clone(&stopped) };
@@ -130,10 +131,9 @@ impl Work {
             let result = guard(|| self.run(Progress::new(&report), None));
             let _ = caller.events.send(Event::Ended(Box::new(result))); // Nobody receives it after Ctrl-C.
         })?;
-        let process = std::process::id();
         let stop = |_: &PyErr| stopped.store(true, Ordering::Relaxed);
         loop {
-            let waited = &mut happened;
+            let waited = happened.get()?; // A signal handler may have forked.
             match py.detach(move || waited.recv_timeout(PATIENCE)) {
                 Ok(Event::Ended(result)) => return (*result)?.into_python(py),
                 Ok(Event::Told { stage, fraction, waits }) => {
@@ -143,14 +143,13 @@ impl Work {
                         stopped.store(true, Ordering::Relaxed);
                     }
                     if waits {
-                        let _ = answer.send(());
+                        let _ = answer.get()?.send(()); // The function may have forked.
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Err(refuse("the work ended without a result")),
             }
             py.check_signals().inspect_err(stop)?;
-            work::check_process(process)?; // The function may have forked.
         }
     }
 }

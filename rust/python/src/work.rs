@@ -37,9 +37,9 @@ pub fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(Progress) -> leafcloud::Result<T> + Send + 'static,
 ) -> PyResult<T> {
-    let process = std::process::id();
     let stopped = Arc::new(AtomicBool::new(false));
-    let (done, mut result) = mpsc::sync_channel(1);
+    let (done, result) = mpsc::sync_channel(1);
+    let mut result = OfThisProcess::new(result);
     let told = Arc::clone(&stopped);
     start(move || {
         let report = move |_: &str, _: f64| !told.load(Ordering::Relaxed);
@@ -47,13 +47,12 @@ pub fn interruptible<T: Send + 'static>(
         let _ = done.send(guard(|| work(Progress::new(&report))));
     })?;
     loop {
-        let waited = &mut result;
+        let waited = result.get()?; // A signal handler may have forked.
         match py.detach(move || waited.recv_timeout(PATIENCE)) {
             Ok(result) => return Ok(result?),
             Err(mpsc::RecvTimeoutError::Disconnected) => return Err(refuse("the work ended without a result")),
             Err(mpsc::RecvTimeoutError::Timeout) => {
                 py.check_signals().inspect_err(|_| stopped.store(true, Ordering::Relaxed))?;
-                check_process(process)?; // A signal handler may have forked.
             }
         }
     }
@@ -69,6 +68,34 @@ pub fn check_process(process: u32) -> Result<(), Failure> {
 
 const FORKED: &str =
     "the work was started before this process was forked, and runs in its parent only; start it again in this process";
+
+/// An end of a channel to a thread of this process. A forked child has no such thread, and perhaps a message that is half written: the child
+/// would wait for its other half forever, also when it only drops the end. So it may neither use nor drop it.
+pub struct OfThisProcess<T> {
+    end: Option<T>,
+    process: u32,
+}
+
+impl<T> OfThisProcess<T> {
+    pub fn new(end: T) -> Self {
+        Self { end: Some(end), process: std::process::id() }
+    }
+
+    /// # Errors
+    /// This process is a forked child.
+    pub fn get(&mut self) -> Result<&mut T, Failure> {
+        check_process(self.process)?;
+        self.end.as_mut().ok_or_else(|| Failure::Refused(FORKED.to_owned()))
+    }
+}
+
+impl<T> Drop for OfThisProcess<T> {
+    fn drop(&mut self) {
+        if check_process(self.process).is_err() {
+            std::mem::forget(self.end.take());
+        }
+    }
+}
 
 /// Starts a thread named after the library.
 ///
