@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from times import pytest_fixture_setup, pytest_runtest_logreport, pytest_sessionfinish  # noqa: F401 - hooks
 
 ROOT = Path(__file__).resolve().parents[1]
 SHRUB = ROOT / "examples" / "shrub.glb"
