@@ -1,7 +1,7 @@
 """Prints where the time of the last run of the tests went: `make test-times`.
 
-Phases come from tools/phase.sh, tests from tests/support/times.py; both write into target/times. With two processes the tests of a
-phase take twice its time.
+Phases come from tools/phase.sh, tests from tests/support/times.py; both write into target/times. With two processes
+the tests of a phase take twice its time.
 """
 
 from __future__ import annotations

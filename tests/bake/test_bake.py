@@ -12,7 +12,8 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake, bake_apart, saved
+from bakes import folder_of, kept, report_of
+from command_line import QUICK, bake, report_in, saved
 from glb import Node, Primitive, read_glb
 from numpy.typing import NDArray
 
@@ -34,10 +35,9 @@ LEVEL_KEYS = {
 
 
 @pytest.fixture(scope="module")
-def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+def baked() -> tuple[Path, dict[str, Any]]:
     """Folder and report of a bake of the shrub with the default effects and with pruning."""
-    out = tmp_path_factory.mktemp("shrub")
-    return out, bake_apart(shrub, out, "--texture-size", 256, "--effects=+pruning", "--every-level")
+    return folder_of("sharp"), report_of("sharp")
 
 
 # Files
@@ -320,8 +320,8 @@ def test_the_fitters_options_reach_the_files(
 
 
 @pytest.mark.parametrize("method", [("density",), ("kmeans", "--max-billboards", 16)])
-def test_other_methods_bake(method: tuple[object, ...], shrub: Path, tmp_path: Path) -> None:
-    report = bake(shrub, tmp_path, *QUICK, "--method", *method)
+def test_other_methods_bake(method: tuple[object, ...]) -> None:
+    report = report_in(kept(*QUICK, "--method", *method))
     assert [level["method"] for level in report["levels"][1:3]] == [method[0]] * 2
     assert all(level["max_deviation"] <= level["epsilon"] for level in report["levels"][1:3])
 
@@ -394,6 +394,7 @@ def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple
     assert np.abs(pairs[0][..., 5:] - pairs[1][..., 5:]).max() < 0.02
 
 
+@pytest.mark.fresh_chains
 def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple[Path, dict[str, Any]]) -> None:
     first, report = baked
     again = bake(shrub, tmp_path, "--texture-size", 256, "--effects=+pruning", "--every-level")
@@ -412,12 +413,13 @@ def _timeless(value: Any) -> Any:
 # Inputs and effects
 
 
-def test_effects_that_are_off_are_not_in_the_files(shrub: Path, tmp_path: Path) -> None:
-    report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--effects", "none")
+def test_effects_that_are_off_are_not_in_the_files() -> None:
+    folder = kept(*QUICK, "--levels", 1, "--effects", "none")
+    report = report_in(folder)
     assert [effect["name"] for effect in report["effects"]] == list(EFFECTS)
     off = [effect for effect in report["effects"] if effect["name"] != "far_levels"]  # --levels turns far levels on.
     assert not any(effect["on"] or effect["bytes"] for effect in off)
-    nodes = read_glb(tmp_path / "shrub.glb")
+    nodes = read_glb(folder / "shrub.glb")
     for primitive in [*nodes["shrub_LOD0"].primitives, *nodes["shrub_LOD1"].primitives]:
         assert set(primitive.attributes) == {"POSITION", "NORMAL", "TEXCOORD_0"}
         assert not primitive.targets

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake, refusal
+from bakes import folder_of
+from command_line import refusal
 from engine_views import levels_of, pictures, views_of_all_levels
 from numpy.typing import NDArray
 
@@ -21,14 +22,9 @@ COORDINATE, DIRECTION = 2.0**-17, 1.0 / 254.0
 
 
 @pytest.fixture(scope="module")
-def folders(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def folders() -> dict[str, Path]:
     """Folders of two bakes of the shrub for each engine: *ENGINE* plain, and *ENGINE* compressed."""
-    found = {}
-    for engine in ("three", "unity"):
-        for name, flags in ((engine, ()), (f"{engine} compressed", ("--compress",))):
-            found[name] = tmp_path_factory.mktemp("bake")
-            bake(shrub, found[name], *QUICK, *EFFECTS, "--engine", engine, *flags)
-    return found
+    return {name: folder_of(name) for name in ("three", "three compressed", "unity", "unity compressed")}
 
 
 def primitives(file: GlbFile) -> list[dict[str, Any]]:

@@ -10,7 +10,8 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import bake, run
+from bakes import kept
+from command_line import bake, report_in, run
 from glb import read_chunks, read_glb
 from small_glb import png, write_quad_glb
 
@@ -26,9 +27,9 @@ KEYS = {
 
 
 @pytest.fixture(scope="module")
-def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    out = tmp_path_factory.mktemp("shrub")
-    return out, bake(shrub, out, "--texture-size", 256, "--levels", 1, "--every-level", "--last", "cross")
+def baked() -> tuple[Path, dict[str, Any]]:
+    out = kept("--texture-size", 256, "--levels", 1, "--every-level", "--last", "cross")
+    return out, report_in(out)
 
 
 def test_every_level_tells_its_cost_where_it_takes_over(baked: tuple[Path, dict[str, Any]]) -> None:
@@ -101,9 +102,9 @@ def test_triangles_are_those_of_leaves_and_trunk_unless_blending_splits_them(
         assert level["drawing"]["written_triangles"] == level["triangles"] + level["trunk_triangles"]
 
 
-def test_a_small_tree_has_the_triangles_that_make_its_level_1_cheaper(shrub: Path, tmp_path: Path) -> None:
+def test_a_small_tree_has_the_triangles_that_make_its_level_1_cheaper() -> None:
     """The 500 triangles of the default budget are not enough for the shrub's 672 cards."""
-    level = bake(shrub, tmp_path, "--epsilon", 0.04, "--pixels", 8)["levels"][1]
+    level = report_in(kept("--epsilon", 0.04, "--pixels", 8))["levels"][1]
     assert level["method"] == "stochastic"
     assert level["triangles"] > 500
     assert level["drawing"]["cheaper"] > 1.5

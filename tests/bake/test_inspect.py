@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bakes import folder_of
 from command_line import QUICK, bake
 from glb import read_glb, rewritten
 from PIL import Image
@@ -19,10 +20,8 @@ from leafcloud.command import main
 
 
 @pytest.fixture(scope="module")
-def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("inspected")
-    bake(shrub, out, *QUICK, "--effects=+transitions,+pruning", "--engine", "three")
-    return out
+def folder() -> Path:
+    return folder_of("three")
 
 
 def inspected(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, dict[str, Any]]:
@@ -189,11 +188,8 @@ def test_each_tree_of_a_file_is_checked_alone(shrub: Path, tmp_path: Path, capsy
     assert found["checks"][0]["figure"] == "2 of 2 trees"
 
 
-def test_ranks_in_texture_coordinates_are_found(
-    shrub: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    bake(shrub, tmp_path, *QUICK, "--effects=+transitions,+pruning", "--engine", "godot")
-    status, found = inspected(capsys, tmp_path / "shrub.glb")
+def test_ranks_in_texture_coordinates_are_found(capsys: pytest.CaptureFixture[str]) -> None:
+    status, found = inspected(capsys, folder_of("godot") / "shrub.glb")
     assert status == 0
     assert "shrub_LOD0: triangles in the order of ranks" in [each["name"] for each in found["checks"]]
 

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from bakes import folder_of, kept
+from command_line import QUICK, report_in
 
 import leafcloud
 
@@ -39,11 +40,8 @@ def document_of(path: Path) -> tuple[dict[str, Any], bytes]:
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory, shrub: Path) -> Path:
-    out = tmp_path_factory.mktemp("three")
-    effects = ("--effects", "normals,occlusion,self_shadowing")
-    bake(shrub, out, *QUICK, "--engine", "three", "--levels", 1, *effects)
-    return out
+def files() -> Path:
+    return folder_of("three shaded")
 
 
 def test_each_texture_of_a_level_is_stored_as_png_and_ktx2(files: Path) -> None:
@@ -72,10 +70,9 @@ def test_each_texture_of_a_level_is_stored_as_png_and_ktx2(files: Path) -> None:
 
 
 @pytest.mark.parametrize("effects", ["none", "blend_order"])
-def test_a_page_that_is_not_square_has_all_mip_levels(effects: str, tmp_path: Path, shrub: Path) -> None:
+def test_a_page_that_is_not_square_has_all_mip_levels(effects: str) -> None:
     shape = ("--levels", 1, "--no-cross", "--texture-height", 64, "--effects", effects)
-    bake(shrub, tmp_path, *QUICK, "--engine", "three", *shape)
-    document, binary = document_of(tmp_path / "shrub_LOD1.glb")
+    document, binary = document_of(kept(*QUICK, "--engine", "three", *shape) / "shrub_LOD1.glb")
     [image] = [image for image in document["images"] if image["mimeType"] == "image/ktx2"]
     view = document["bufferViews"][image["bufferView"]]
     found = header(binary[view["byteOffset"] :][: view["byteLength"]])
@@ -119,11 +116,11 @@ def test_missing_channels_and_odd_sizes_are_refused() -> None:
         odd.ktx2("base_color")
 
 
-def test_pages_with_sizes_that_gltf_forbids_stay_png(tmp_path: Path, shrub: Path) -> None:
+def test_pages_with_sizes_that_gltf_forbids_stay_png() -> None:
     """The side 132 is a multiple of 4, the side 66 is not."""
-    report = bake(shrub, tmp_path, "--engine", "three", "--texture-size", 132, "--epsilon", 0.1, "--every-level")
-    assert any("pages of 66 × 66 stay PNG only" in warning for warning in report["warnings"])
-    first, second = (document_of(tmp_path / f"shrub_LOD{number}.glb")[0] for number in (1, 2))
+    folder = kept("--engine", "three", "--texture-size", 132, "--epsilon", 0.1, "--every-level")
+    assert any("pages of 66 × 66 stay PNG only" in warning for warning in report_in(folder)["warnings"])
+    first, second = (document_of(folder / f"shrub_LOD{number}.glb")[0] for number in (1, 2))
     assert "extensionsUsed" in first
     assert "extensionsUsed" not in second
 

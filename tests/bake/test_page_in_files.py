@@ -14,8 +14,9 @@ from typing import Literal
 import bpy
 import numpy as np
 import pytest
+from bakes import kept
 from box_mips import box_filtered, linear
-from command_line import bake
+from command_line import report_in
 from glb import read_chunks, read_glb
 from numpy.typing import NDArray
 from PIL import Image
@@ -131,12 +132,12 @@ def places_above(level: leafcloud.Level, image: NDArray[np.uint8], cutoff: float
     return above / count
 
 
-def test_files_hold_the_page_of_the_blend_file(tmp_path: Path, shrub: Path) -> None:
+def test_files_hold_the_page_of_the_blend_file() -> None:
     """All channels, bit for bit, and the cutoff; also the size that was asked for."""
-    bake(shrub, tmp_path, "--texture-size", 256, "--epsilon", 0.1, "--levels", 1, "--no-cross", "--effects", "all")
-    [primitive] = read_glb(tmp_path / "shrub_LOD1.glb")["shrub_LOD1"].primitives
-    files = {name: image for name, image in images_in(tmp_path / "shrub_LOD1.glb").items() if "LOD1" in name}
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shrub.blend"))
+    folder = kept("--texture-size", 256, "--epsilon", 0.1, "--levels", 1, "--no-cross", "--effects", "all")
+    [primitive] = read_glb(folder / "shrub_LOD1.glb")["shrub_LOD1"].primitives
+    files = {name: image for name, image in images_in(folder / "shrub_LOD1.glb").items() if "LOD1" in name}
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "shrub.blend"))
     nodes = bpy.data.materials["shrub_LOD1"].node_tree.nodes
     assert primitive.material["alphaCutoff"] == pytest.approx(nodes["Leafcloud Cutoff"].inputs[1].default_value)
     assert {"shrub_LOD1", "shrub_LOD1_normal", "shrub_LOD1_orm", "shrub_LOD1_translucency"} <= set(files)
@@ -149,15 +150,16 @@ def test_files_hold_the_page_of_the_blend_file(tmp_path: Path, shrub: Path) -> N
         assert np.abs(blend - image / 255.0)[shown].max() < 1e-6, name
 
 
-def test_texels_in_files_are_about_half_a_pixel_large_where_the_level_takes_over(tmp_path: Path, shrub: Path) -> None:
-    report = bake(shrub, tmp_path, "--epsilon", 0.1, "--pixels", 3, "--levels", 1, "--no-cross")
-    content, binary = read_chunks(tmp_path / "shrub_LOD1.glb")
+def test_texels_in_files_are_about_half_a_pixel_large_where_the_level_takes_over() -> None:
+    folder = kept("--epsilon", 0.1, "--pixels", 3, "--levels", 1, "--no-cross")
+    report = report_in(folder)
+    content, binary = read_chunks(folder / "shrub_LOD1.glb")
     level = report["levels"][1]
     [page] = [image for image in content["images"] if image["name"] == "shrub_LOD1"]
     start = content["bufferViews"][page["bufferView"]].get("byteOffset", 0)
     size = [int.from_bytes(binary[start + at : start + at + 4], "big") for at in (16, 20)]
     pixel = 2.0 * level["switch_distance"] * math.tan(math.radians(25.0)) / 1080.0
-    assert 0.25 < texel_size(tmp_path / "shrub_LOD1.glb", size) / pixel <= 0.51
+    assert 0.25 < texel_size(folder / "shrub_LOD1.glb", size) / pixel <= 0.51
 
 
 def texel_size(file: Path, size: list[int]) -> float:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from apng import durations_of, frames_of
+from bakes import folder_of, report_of
 from command_line import QUICK, bake
 from numpy.typing import NDArray
 
@@ -59,9 +60,8 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def baked(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    out = tmp_path_factory.mktemp("page")
-    return out, bake(shrub, out, *QUICK)
+def baked() -> tuple[Path, dict[str, Any]]:
+    return folder_of("quick"), report_of("quick")
 
 
 # report.html
@@ -171,6 +171,7 @@ def longest_run(mask: NDArray[np.bool_]) -> int:
     return int((edges[1::2] - edges[::2]).max())
 
 
+@pytest.mark.fresh_chains
 def test_the_same_bake_gives_the_same_bytes_but_for_seconds(
     baked: tuple[Path, dict[str, Any]], shrub: Path, tmp_path: Path
 ) -> None:

@@ -7,32 +7,31 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import bake
+from bakes import kept
+from command_line import report_in
 from glb import Primitive, read_glb
 
 
-def level_of(out: Path, shrub: Path, effects: str) -> tuple[Primitive, dict[str, Any]]:
-    """Bake the shrub. Return level 1 and the report's effects by name."""
+def level_of(effects: str) -> tuple[Path, Primitive, dict[str, Any]]:
+    """Bake the shrub. Return the folder, level 1 and the report's effects by name."""
     shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1, "--quality", 0.1)
-    told = bake(shrub, out, "--effects", effects, *shape)["effects"]
+    out = kept("--effects", effects, *shape)
     [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
-    return primitive, {effect["name"]: effect for effect in told}
+    return out, primitive, {effect["name"]: effect for effect in report_in(out)["effects"]}
 
 
-def test_self_shadowing_has_a_texture_and_its_axes(
-    tmp_path: Path, shrub: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
-) -> None:
-    primitive, effects = level_of(tmp_path, shrub, "self_shadowing")
+def test_self_shadowing_has_a_texture_and_its_axes(gltf_issues: Callable[..., list[dict[str, Any]]]) -> None:
+    folder, primitive, effects = level_of("self_shadowing")
     assert "bentNormalTexture" in primitive.material["extras"]["leafcloud"]
     assert "metallicRoughnessTexture" in primitive.material["pbrMetallicRoughness"], "its red is the occlusion"
     assert "TANGENT" in primitive.attributes
     assert not {"normalTexture", "occlusionTexture"} & {*primitive.material}
     assert effects["self_shadowing"]["bytes"] == 2 * 128 * 128 * 4
-    assert gltf_issues(*tmp_path.glob("*.glb")) == []
+    assert gltf_issues(*folder.glob("*.glb")) == []
 
 
-def test_occlusion_is_a_texture_of_gltf(tmp_path: Path, shrub: Path) -> None:
-    primitive, effects = level_of(tmp_path, shrub, "occlusion")
+def test_occlusion_is_a_texture_of_gltf() -> None:
+    _, primitive, effects = level_of("occlusion")
     orm = primitive.material["pbrMetallicRoughness"]["metallicRoughnessTexture"]
     assert primitive.material["occlusionTexture"]["index"] == orm["index"]
     assert "TANGENT" not in primitive.attributes
@@ -42,8 +41,8 @@ def test_occlusion_is_a_texture_of_gltf(tmp_path: Path, shrub: Path) -> None:
 
 
 @pytest.mark.parametrize("effects", ["none", "auto"])
-def test_files_lack_both_effects_unless_requested(tmp_path: Path, shrub: Path, effects: str) -> None:
-    primitive, told = level_of(tmp_path, shrub, effects)
+def test_files_lack_both_effects_unless_requested(effects: str) -> None:
+    _, primitive, told = level_of(effects)
     assert "occlusionTexture" not in primitive.material
     assert "metallicRoughnessTexture" not in primitive.material["pbrMetallicRoughness"]
     assert "extras" not in primitive.material

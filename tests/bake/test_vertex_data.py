@@ -13,7 +13,8 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake, saved
+from bakes import folder_of, kept
+from command_line import QUICK, bake, report_in, saved
 from glb import read_chunks, read_glb
 from godot import read_as_godot
 from node_trees import new_material
@@ -36,13 +37,9 @@ two pivots. WINDY, added by pruning and wind: also the billboard pivot, phase an
 
 
 @pytest.fixture(scope="module")
-def folders(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def folders() -> dict[str, Path]:
     """Folders of two bakes of the shrub with pruning and wind, one engine for each form of vertex data."""
-    found = {}
-    for engine in ("generic", "godot"):
-        found[engine] = tmp_path_factory.mktemp(engine)
-        bake(shrub, found[engine], *QUICK, "--effects", EFFECTS, "--engine", engine)
-    return found
+    return {engine: folder_of(engine) for engine in ("generic", "godot")}
 
 
 def own_rows(mesh: bpy.types.Mesh) -> set[tuple[float, ...]]:
@@ -80,15 +77,15 @@ def test_godot_gets_rank_pivots_and_wind_in_its_three_vectors(folders: dict[str,
     assert rows == own_rows(bpy.data.objects[name].data)
 
 
-def test_godot_gets_two_vectors_without_wind(shrub: Path, tmp_path: Path) -> None:
-    bake(shrub, tmp_path, *QUICK, "--levels", 1, *PRUNING, "--engine", "godot")
-    [surface] = read_as_godot(tmp_path / "shrub_LOD0.glb")["shrub_LOD0"]
+def test_godot_gets_two_vectors_without_wind() -> None:
+    folder = kept(*QUICK, "--levels", 1, *PRUNING, "--engine", "godot")
+    [surface] = read_as_godot(folder / "shrub_LOD0.glb")["shrub_LOD0"]
     assert [custom.shape[1] for custom in surface.customs] == [4, 4]
     ranks = surface.customs[0][surface.indices, 0]
     assert (ranks == ranks[:, :1]).all()
     assert len(np.unique(ranks)) > 600
     assert len(surface.blend_shapes) == 1
-    [cross] = read_as_godot(tmp_path / "shrub_LOD2.glb")["shrub_LOD2"]
+    [cross] = read_as_godot(folder / "shrub_LOD2.glb")["shrub_LOD2"]
     assert cross.customs == []
 
 
@@ -125,11 +122,11 @@ def bytes_of_a_vertex(path: Path, node: str) -> float:
 
 
 @pytest.mark.parametrize("engine", ["generic", "godot"])
-def test_each_number_is_stored_once(engine: str, shrub: Path, folders: dict[str, Path], tmp_path: Path) -> None:
+def test_each_number_is_stored_once(engine: str, folders: dict[str, Path]) -> None:
     """Padding is at most four bytes per vertex. Files have no unused accessors and buffer views."""
-    bake(shrub, tmp_path, *QUICK, "--levels", 1, *PRUNING, "--engine", engine)
+    pruned = kept(*QUICK, "--levels", 1, *PRUNING, "--engine", engine)
     spare = 4 if engine == "generic" else 0
-    assert bytes_of_a_vertex(tmp_path / "shrub.glb", "shrub_LOD0") <= PLAIN + PRUNED + spare
+    assert bytes_of_a_vertex(pruned / "shrub.glb", "shrub_LOD0") <= PLAIN + PRUNED + spare
     assert bytes_of_a_vertex(folders[engine] / "shrub.glb", "shrub_LOD0") == PLAIN + WINDY
     document, binary = read_chunks(folders[engine] / "shrub.glb")
     primitives = [primitive for mesh in document["meshes"] for primitive in mesh["primitives"]]
@@ -145,12 +142,12 @@ def test_each_number_is_stored_once(engine: str, shrub: Path, folders: dict[str,
 
 
 @pytest.mark.parametrize("chain", ["billboards", "both"])
-def test_files_without_pruning_store_no_ranks(chain: str, shrub: Path, tmp_path: Path) -> None:
+def test_files_without_pruning_store_no_ranks(chain: str) -> None:
     """At the default epsilon the shrub's leaves are too large for `both`: level 1 takes over before any is pruned."""
-    report = bake(shrub, tmp_path, *QUICK, "--levels", 1, "--epsilon", 0.04, "--chain", chain)
-    states = {effect["name"]: effect["on"] for effect in report["effects"]}
+    folder = kept(*QUICK, "--levels", 1, "--epsilon", 0.04, "--chain", chain)
+    states = {effect["name"]: effect["on"] for effect in report_in(folder)["effects"]}
     assert (states["pruning"], states["contrast"]) == (False, False)
-    assert bytes_of_a_vertex(tmp_path / "shrub.glb", "shrub_LOD0") == PLAIN
+    assert bytes_of_a_vertex(folder / "shrub.glb", "shrub_LOD0") == PLAIN
 
 
 def test_every_engine_has_its_form() -> None:

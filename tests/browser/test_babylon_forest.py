@@ -8,19 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
-from engine_views import bundle, code_of, forest_file, forest_of, hand_overs, levels_of, pictures, triangles
+from engine_views import code_of, for_babylon, forest_file, forest_of, hand_overs, levels_of, pictures, triangles
 
 SIDE = 256
 COUNT = 48
 
 
 @pytest.fixture(scope="module")
-def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("babylon_forest")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "octahedral", "--effects=+transitions,+pruning,+wind")
-    bundle(out)
-    return out / "shrub.glb"
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return for_babylon("babylon octahedral", tmp_path_factory.mktemp("babylon_forest"))
 
 
 def views_of(tree: Path) -> list[dict[str, Any]]:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
-from engine_views import bundle, code_of, levels_of, pictures
+from engine_views import code_of, for_babylon, levels_of, pictures
 from laws import Floats
 from octahedral import unit
 from octahedral_pictures import SIDE, by_the_law, impostor_in
@@ -18,11 +17,8 @@ LAST = 3
 
 
 @pytest.fixture(scope="module")
-def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("babylon_octahedral")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "octahedral", "--effects=+transitions")
-    bundle(out)
-    return out / "shrub.glb"
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return for_babylon("babylon octahedral", tmp_path_factory.mktemp("babylon_octahedral"))
 
 
 MOVED = """

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
 from engine_views import (
     ENGINES,
     ROOT,
-    bundle,
     code_of,
+    for_babylon,
     hand_overs,
     levels_of,
     pictures,
@@ -29,11 +28,8 @@ PACKAGE = ENGINES / "babylon"
 
 
 @pytest.fixture(scope="module")
-def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("babylon")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions,+pruning,+wind")
-    bundle(out)
-    return out / "shrub.glb"
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return for_babylon("babylon", tmp_path_factory.mktemp("babylon"))
 
 
 def test_each_level_is_drawn_at_its_distances(tree: Path) -> None:

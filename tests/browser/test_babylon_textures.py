@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
-from engine_views import bundle, code_of, hand_overs, levels_of, pictures, sphere_of
+from engine_views import code_of, for_babylon, hand_overs, levels_of, pictures, sphere_of
 
 ROOT = Path(__file__).resolve().parents[2]
 BASIS = ROOT / "engines" / "babylon" / "node_modules" / "@babylonjs" / "core" / "assets" / "Basis"
@@ -27,11 +26,8 @@ noise."""
 
 
 @pytest.fixture(scope="module")
-def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("babylon_ktx2")
-    bake(shrub, out, *QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions")
-    bundle(out)
-    return out / "shrub.glb"
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return for_babylon("babylon", tmp_path_factory.mktemp("babylon_ktx2"))
 
 
 def code_with(transcoder: str | None) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from bakes import folder_of
 from engine_views import DIRECTION, ENGINES, ROWS, code_of, forest_of, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
 from laws import Floats
@@ -204,10 +204,8 @@ def test_blended_leaves_look_as_with_webgl(backend: str, three_bake: Path, tmp_p
 
 
 @pytest.fixture(scope="module")
-def shaded_bake(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("shaded")
-    bake(shrub, out, *QUICK, "--engine", "three", "--last", "cross", "--effects=+transitions,+self_shadowing")
-    return out
+def shaded_bake() -> Path:
+    return folder_of("three shaded")
 
 
 @pytest.mark.parametrize("number", [0, 1])

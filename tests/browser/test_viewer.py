@@ -13,6 +13,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from bakes import folder_of
 from command_line import QUICK, bake, saved
 from glb import Node, read_glb
 from laws import KNOTS, Floats, drawn_share, ramp, transition, trend
@@ -104,8 +105,8 @@ def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.
     """The last bake prunes leaves and protects one of them. The others keep all leaves until level 1 takes over."""
     folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "as it is":
-        bake(shrub, out, *QUICK, "--effects=+pruning")
-    elif request.param == "moved":
+        return folder_of("pruning")
+    if request.param == "moved":
         bake(moved(shrub, folder), out, *QUICK, "--effects=+pruning")
     else:
         bake(moved(shrub, folder, protected=[400]), out, *QUICK, *BY_BOUND, "--chain", "both", "--prune-pixels", "60")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from bakes import folder_of
 from glb import read_glb
 from viewing import PAGE, PATIENCE
 
@@ -19,10 +19,8 @@ SIDE = 64
 
 
 @pytest.fixture(scope="module")
-def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("three")
-    bake(shrub, out, *QUICK, "--engine", "three", "--effects=+transitions")
-    return out
+def folder() -> Path:
+    return folder_of("three")
 
 
 def textures(folder: Path, **transcoder: str) -> dict[str, int]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from bakes import folder_of
 from glb import read_glb
 from octahedral import unit
 from octahedral_pictures import SIDE, by_the_law, impostor_in
@@ -19,10 +19,8 @@ EYES = [(1.0, 0.4, 0.2), (-0.3, 0.2, 1.0), (0.6, -0.3, -0.7), (0.2, 1.0, -0.4)]
 
 
 @pytest.fixture(scope="module")
-def folder(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("octahedral")
-    bake(shrub, out, *QUICK, "--last", "octahedral", "--effects=+transitions")
-    return out
+def folder() -> Path:
+    return folder_of("octahedral")
 
 
 def test_the_viewer_draws_it_by_the_law(folder: Path) -> None:

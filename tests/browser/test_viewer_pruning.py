@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from command_line import QUICK, bake
+from bakes import folder_of
 from glb import Node, read_glb
 from laws import Floats, drawn_share, ramp
 from lod_scenes import add_camera
@@ -47,9 +47,8 @@ class Tree:
 
 
 @pytest.fixture(scope="module")
-def tree(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Tree:
-    out = tmp_path_factory.mktemp("pruned")
-    bake(shrub, out, *QUICK, "--chain", "pruning", "--prune-pixels", "60")
+def tree() -> Tree:
+    out = folder_of("pruned")
     nodes = read_glb(out / "shrub.glb")
     assert not {"shrub_LOD2", "shrub_LOD3"} & nodes.keys(), "the chain must have only leaves and cross impostor"
     leaves = nodes["shrub_LOD0"]

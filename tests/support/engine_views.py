@@ -6,6 +6,7 @@ import base64
 import itertools
 import math
 import re
+import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 import bpy  # noqa: F401  (brings mathutils, which the add-on needs)
 import numpy as np
+from bakes import folder_of
 from glb import Node, read_glb
 from laws import Floats
 
@@ -40,6 +42,12 @@ def bundle(folder: Path) -> None:
     subprocess.run(
         [*command, f"--outfile={folder}/bundle.js"], input=source, cwd=ENGINES / "babylon", text=True, check=True
     )
+
+
+def for_babylon(name: str, folder: Path) -> Path:
+    """Return a copy in `folder` of the tree of a bake of the catalogue, beside the module."""
+    bundle(folder)
+    return Path(shutil.copy(folder_of(name) / "shrub.glb", folder))
 
 
 def pictures(engine: str, file: Path, **question: Any) -> list[dict[str, Any]]:
