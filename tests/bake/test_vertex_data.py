@@ -13,6 +13,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from browser import ask
 from command_line import QUICK, bake, saved
 from glb import read_chunks, read_glb
 from godot import read_as_godot
@@ -22,7 +23,6 @@ from scenes import add_mesh, import_part
 from viewing import PAGE, PATIENCE
 
 from addon.settings.choices import ENGINES
-from bench.browser import ask
 
 EFFECTS = "transitions,pruning,trunk_levels,wind"
 BY_NAME = ("generic", "three", "bevy")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import ask
 from command_line import QUICK, bake
 from engine_views import DIRECTION, ENGINES, ROWS, code_of, forest_of, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
@@ -17,7 +18,6 @@ from laws import Floats
 from numpy.typing import NDArray
 
 import leafcloud
-from bench.browser import ask
 
 PAGE = "three_webgpu"
 SIDE = 384

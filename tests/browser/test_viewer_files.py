@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import ask
 from command_line import QUICK, bake
 from glb import read_glb
 from viewing import PAGE, PATIENCE
-
-from bench.browser import ask
 
 SIDE = 64
 """Height of the probe's pictures in pixels. The crown's sphere fills them at any distance."""
