@@ -60,137 +60,24 @@ environments: .venv-4.2/.test .venv-5.0/.test .venv-supply/.installed $(NODE_MOD
 	@tools/prerequisites.sh chromium
 
 .PHONY: bench
-bench: ## measure the speed of the core, and compare its results with alternatives (hours)
+bench: ## measure the speed of the core (hours); make bench-NAME runs bench/NAME.py, see bench/README.md
 	@tools/prerequisites.sh rust
 	@mkdir -p docs/bench
 	LEAFCLOUD_BENCH_JSON=$(CURDIR)/docs/bench/fit.json cargo bench --quiet --package leafcloud --bench fit | tee docs/bench/fit.md
 	cargo bench --quiet --package leafcloud --bench pages | tee docs/bench/packing.md
 	cargo bench --quiet --package leafcloud --bench pruning | tee docs/bench/pruning.md
 	cargo bench --quiet --package leafcloud --bench safeguards -- $(CURDIR)/../shared/foliage/*.glb | tee docs/bench/safeguards.md
-	$(if $(wildcard $(MEASURED)),$(MAKE) bench-fidelity bench-relit bench-flight bench-forest bench-drawing bench-speed)
 
-.PHONY: bench-fidelity
-bench-fidelity: setup .venv/.fidelity ## compare level 1 and its alternatives with the leaves, in Cycles (two hours; later runs take less)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/fidelity.py $(ARGS)
-
-.PHONY: bench-refine
-bench-refine: setup .venv/.fidelity ## compare level 1 with its leaves before and after refinement (25 minutes; ARGS=--cycles, --suns, --flight or --ablation for more)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/refine.py $(ARGS)
-
-.PHONY: bench-pages
-bench-pages: setup .venv/.fidelity $(THREE)/node_modules/.package-lock.json ## compare level 1 of the files with the leaves, with the pages that the files hold (an hour; ARGS=--engines or --strips for more)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/pages.py $(ARGS)
-
-.PHONY: bench-defaults
-bench-defaults: setup .venv/.fidelity ## bake plants of every kind without settings, and measure the levels (ten minutes)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/defaults.py $(ARGS)
-
-.PHONY: bench-drawing
-bench-drawing: setup $(THREE)/node_modules/.package-lock.json ## compare the cost of drawing the levels with that of the leaves: fragments by a model, Cycles, three.js (15 minutes)
+# The scripts import each other, the add-on, and the helpers of the tests.
+bench-%: setup .venv/.fidelity .venv/.test $(NODE_MODULES)
 	@tools/prerequisites.sh chromium
 	@mkdir -p docs/bench
-	.venv/bin/python bench/drawing.py $(ARGS)
-
-.PHONY: bench-curves
-bench-curves: setup .venv/.fidelity ## measure error over time, for docs/accuracy.md (hours; ARGS=--refined only refines points of the kept curves, ARGS=--verify compares the metrics with Cycles)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/curves.py $(ARGS)
-
-.PHONY: bench-flight
-bench-flight: setup .venv/.fidelity ## fly a camera past all levels of a tree in Cycles, and measure popping (an hour)
-	@mkdir -p docs/bench
-	PYTHONPATH=$(CURDIR) .venv/bin/python bench/flight.py $(ARGS)
-
-.PHONY: bench-forest
-bench-forest: setup ## measure a forest of 10,000 pines from seven distances: triangles, evaluation, Cycles (ten minutes)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/forest.py $(ARGS)
-
-.PHONY: bench-bake-time
-bench-bake-time: setup ## time bakes by the button, step by step, and how soon they can be cancelled (five minutes)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/bake_time.py $(ARGS)
-
-.PHONY: bench-speed
-bench-speed: setup .venv/.fidelity ## time the leaves and the levels of the pine in Cycles against distance
-	@mkdir -p docs/bench
-	.venv/bin/python bench/speed.py $(ARGS)
-
-.PHONY: bench-relit
-bench-relit: setup ## compare level 1 with its leaves under six suns, in Cycles
-	@mkdir -p docs/bench
-	.venv/bin/python bench/relit.py $(ARGS)
-
-.PHONY: bench-trunk
-bench-trunk: setup ## measure the trunk of each level: triangles, error, coverage
-	@mkdir -p docs/bench
-	.venv/bin/python bench/trunk.py $(ARGS)
-
-.PHONY: bench-materials
-bench-materials: setup ## time level 1 in Cycles with pairs of billboards, with one polygon for each pair, and without alpha test
-	.venv/bin/python bench/materials.py $(ARGS)
-
-.PHONY: bench-plan
-bench-plan: setup ## compare estimated with actual costs of effects, on all trees (needs an idle machine)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/plan.py $(ARGS)
-
-.PHONY: bench-minimal
-bench-minimal: setup .venv/.fidelity ## bake a scene that needs few effects as planned, and with everything forced on
-	@mkdir -p docs/bench
-	.venv/bin/python bench/minimal.py $(ARGS)
-
-.PHONY: bench-blending
-bench-blending: setup ## measure the cost and the accuracy of splitting billboards for alpha blending
-	@mkdir -p docs/bench
-	.venv/bin/python bench/blending.py $(ARGS)
-
-.PHONY: bench-three
-bench-three: setup $(THREE)/node_modules/.package-lock.json ## measure the levels' coverage in three.js, with PNG and with KTX2
-	@tools/prerequisites.sh chromium
-	.venv/bin/python bench/three.py $(ARGS)
-
-.PHONY: bench-engines
-bench-engines: setup $(NODE_MODULES) ## measure hand-overs and files in three.js and Babylon.js (an hour)
-	@tools/prerequisites.sh chromium
-	@mkdir -p docs/bench
-	.venv/bin/python bench/engines.py $(ARGS)
-
-.PHONY: bench-frame-times
-bench-frame-times: setup $(THREE)/node_modules/.package-lock.json ## time forests in three.js, by the processor or (ARGS=--card) by a graphics card (ten minutes)
-	@tools/prerequisites.sh chromium
-	@mkdir -p docs/bench
-	.venv/bin/python bench/frame_times.py $(ARGS)
+	PYTHONPATH=$(CURDIR):$(CURDIR)/tests/support .venv/bin/python bench/$(subst -,_,$*).py $(ARGS)
 
 .PHONY: viewer
 viewer: $(THREE)/node_modules/.package-lock.json ## show baked trees in a browser: http://localhost:8000/shaders/viewer/
 	@tools/prerequisites.sh python
 	@$$(tools/prerequisites.sh --find-python) -m http.server --bind 127.0.0.1 8000
-
-.PHONY: bench-batch
-bench-batch: setup .venv/.test ## time batches of bakes with one and two processes, and with three Dask workers
-	.venv/bin/python bench/batch.py $(ARGS)
-
-.PHONY: faults
-faults: setup ## break bakes in many ways and look at what they leave: docs/reliability.md (an hour; needs root)
-	.venv/bin/python bench/faults.py $(ARGS)
-
-.PHONY: soak
-soak: setup ## repeat bakes and calls of the wheel in one process and measure its memory: docs/bench/soak.md (an hour)
-	@mkdir -p docs/bench
-	.venv/bin/python bench/soak.py $(ARGS)
-
-.PHONY: hostile
-hostile: setup ## bake hostile files and count how the bakes end: docs/hostile.md (two hours; ARGS='--sample 400' for less)
-	.venv/bin/python bench/hostile.py $(ARGS)
-
-.PHONY: bench-stability
-bench-stability: .venv/.test .venv/.wheel ## run the hard cases and show them in docs/stability.md
-	.venv/bin/python bench/stability.py
 
 # The fuzzer's instrumentation and AddressSanitizer need nightly Rust.
 .PHONY: fuzz
@@ -203,24 +90,27 @@ fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly 
 	    RAYON_NUM_THREADS=1 cargo +nightly fuzz run --fuzz-dir rust/fuzz $$target rust/fuzz/target/corpus/$$target rust/fuzz/corpus/$$target -- -max_total_time=$(SECONDS) -timeout=20 -rss_limit_mb=4096 || exit 1; \
 	done
 
-.PHONY: bench-measure
-bench-measure: setup $(VALIDATOR)/node_modules/.package-lock.json ## bake the measured trees and check the files: validator, ε, coverage, overlap
-	.venv/bin/python bench/measure.py $(ARGS)
-
+# With BLENDER and GODOT (see test-interface and test-godot) also their pictures, for docs/first_tree.md and docs/engines.md.
 .PHONY: docs
-docs: setup ## remake the pictures of the documentation
+docs: setup .venv/.test $(NODE_MODULES) ## remake the pictures of the documentation
+	@tools/prerequisites.sh chromium
 	.venv/bin/python bake.py --input "$(INPUT)" --out out/docs
 	cp out/docs/preview.png docs/pine.png
 	.venv/bin/python tools/page_picture.py "$(INPUT)" docs/page.png
-
-.PHONY: docs-interface
-docs-interface: ## remake the pictures of docs/first_tree.md: make docs-interface BLENDER=/path/to/blender
+	@mkdir -p docs/engines
+	.venv/bin/python tools/forest_picture.py "$(INPUT)" docs/engines/three_forest.png
+ifdef BLENDER
 	rm -rf out/interface
 	$(MAKE) test-interface ARGS='-k first_session'
 	@mkdir -p docs/interface
 	for name in 1_start 2_sample 4_baked 5_level_1 7_preview 8_preview_far; do \
 	    convert out/interface/first_session/$$name.png -resize 50% +dither -colors 64 -define png:compression-level=9 docs/interface/$$name.png || exit 1; \
 	done
+endif
+ifdef GODOT
+	$(MAKE) test-godot
+	convert out/godot/forest.png -resize 60% +dither -colors 96 -define png:compression-level=9 docs/engines/godot_forest.png
+endif
 
 .PHONY: lint
 lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sources
@@ -285,17 +175,6 @@ test-bevy: setup .venv/.test ## build the plugin for Bevy, and draw baked trees 
 	cd engines/bevy && $(BEVY_CARGO) build --locked --example pictures
 	$(if $(SOFTWARE_VULKAN),VK_DRIVER_FILES=$(SOFTWARE_VULKAN)) BEVY_PICTURES=$(BEVY_TARGET)/debug/examples/pictures \
 		.venv/bin/python -m pytest tests/bevy --capture=no $(ARGS)
-
-.PHONY: docs-godot
-docs-godot: test-godot ## make the picture of docs/engines.md
-	@mkdir -p docs/engines
-	convert out/godot/forest.png -resize 60% +dither -colors 96 -define png:compression-level=9 docs/engines/godot_forest.png
-
-.PHONY: docs-three
-docs-three: setup .venv/.test $(NODE_MODULES) ## make the picture of three.js in docs/engines.md
-	@tools/prerequisites.sh chromium
-	@mkdir -p docs/engines
-	.venv/bin/python tools/forest_picture.py "$(INPUT)" docs/engines/three_forest.png
 
 .PHONY: clean
 clean: ## remove all build outputs and environments

@@ -1,6 +1,6 @@
 """Times bakes by the button of the interface, step by step: `make bench-bake-time`.
 
-usage: python bench/bake_time.py [TREE.glb …]      (default: the measured trees)
+usage: make bench-bake-time ARGS='[TREE.glb …]'      (default: the measured trees)
 
 For each tree and each quality: seconds on the main thread before the job, of the job, of each of its stages, and on the
 main thread after it; of the longest step after it; from a cancel to the end of the job. Prints a table in Markdown; for

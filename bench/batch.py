@@ -1,6 +1,6 @@
 """Times batches of bakes: `make bench-batch`.
 
-usage: python bench/batch.py [TREE.glb …]      (default: six trees of ../shared/foliage)
+usage: make bench-batch ARGS='[TREE.glb …]'      (default: six trees of ../shared/foliage)
 
 The trees are baked one by one with `bake.py`, then by `leafcloud-batch` with one and with two processes, then by three
 workers of a Dask scheduler on this machine. All bakes have the same settings; a bake uses all cores by itself. Then the

@@ -18,11 +18,3 @@ def measured_commit() -> str:
 
     changed = git("status", "--porcelain", "--", ".", ":!docs")
     return git("describe", "--always") + ("-dirty" if changed else "")
-
-
-def is_current(commit: str) -> bool:
-    """Return whether no file outside docs differs between a measured commit and now."""
-    if commit.endswith("-dirty") or measured_commit().endswith("-dirty"):
-        return False
-    compared = ["git", "-C", str(ROOT), "diff", "--quiet", commit, "--", ".", ":!docs"]
-    return subprocess.run(compared, capture_output=True).returncode == 0

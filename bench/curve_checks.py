@@ -1,9 +1,9 @@
 """Checks of the guarantees of cost curves. Prints the results.
 
-usage: python bench/curve_checks.py errors [COUNT]           count the bakes that meet a requested error: COUNT bakes
-                                                             (100) of varied crowns and settings
-       python bench/curve_checks.py budget [TREE.glb]        compare requested with actual seconds
-       python bench/curve_checks.py front [TREE.glb]         count the steps to more time with a worse result: 20 seeds
+usage: make bench-curve-checks ARGS='errors [COUNT]'     count the bakes that meet a requested error: COUNT bakes (100)
+                                                         of varied crowns and settings
+       make bench-curve-checks ARGS='budget [TREE.glb]'  compare requested with actual seconds
+       make bench-curve-checks ARGS='front [TREE.glb]'   count the steps to more time with a worse result: 20 seeds
 
 To compare predicted with measured seconds: `cargo run --release -p leafcloud-curve --example predicted TREE.glb …`.
 """

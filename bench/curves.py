@@ -1,13 +1,11 @@
 """Measures error over time, tree by tree: `make bench-curves` makes docs/accuracy.md.
 
-usage: python bench/curves.py [TREE.glb …]      (default: those of ../shared/foliage, large ones quickly)
-       python bench/curves.py --refined [TREE.glb …]   only refine points of the kept curves (minutes a tree)
-       python bench/curves.py --verify [TREE.glb]      metrics and Cycles on ten settings (minutes; cards an hour)
+usage: make bench-curves ARGS='[TREE.glb …]'          (default: those of ../shared/foliage, large ones quickly)
+       make bench-curves ARGS='--verify [TREE.glb]'  metrics and Cycles on ten settings (minutes; cards an hour)
 
 Small trees come first. A tree's curve takes minutes to an hour. It goes into docs/bench/curves.json immediately, its
-charts and pictures into docs/curves; docs/accuracy.md shows them. bench/curve_refinement.py adds refined points to
-curves of up to 200,000 triangles. bench/curve_checks.py measures the guarantees of the curve, the bench `safeguards`
-the cost of safeguards.
+charts and pictures into docs/curves; docs/accuracy.md shows them. bench/curve_checks.py measures the guarantees of
+the curve, the bench `safeguards` the cost of safeguards.
 """
 
 from __future__ import annotations
@@ -17,11 +15,9 @@ import json
 import math
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
-import curve_refinement
 import numpy as np
 from fidelity import TREE_LIMIT, flip, lines_of, run, triangles
 from numpy.typing import NDArray
@@ -105,15 +101,6 @@ def measure(tree: Path) -> dict[str, Any]:
     }
 
 
-def refine(tree: Path, row: dict[str, Any]) -> None:
-    """Add refined points to the row of a tree, and write their chart."""
-    foliage = leafcloud.read_gltf(str(tree))
-    shown = curve_refinement.ends_and_middle([row["rows"][i] for i in row["shown"]])
-    row["refined"] = curve_refinement.measure(foliage, shown)
-    chart = CHARTS / f"{tree.stem}_refined.png"
-    curve_refinement.write_chart(row["refined"], row["rows"], f"{tree.stem}: refinement", chart)
-
-
 def described(settings: leafcloud.CurveSettings) -> list[str]:
     names = ("method", "effort", "epsilon", "candidates", "levels", "texture_size", "samples", "tight_pages")
     values: dict[str, Any] = {**settings}
@@ -150,22 +137,13 @@ def tree_part(row: dict[str, Any]) -> str:
     )
     table = lines_of(HEAD, [row_cells(one) for one in rows])
     sample = rows[0]["measured_on"]
-    refined = f"{refined_part(row)}\n\n" if "refined" in row else ""
     quick = f"A quick curve, of a sample of {sample} triangles, one level, seen from two directions.\n\n"
     return (
         f"### {name}, {row['triangles']} triangles\n\n{quick if sample < row['triangles'] else ''}{charts}\n\n"
         f"![{name} at points of its curve](curves/{name}_points.png)\n\n"
         f"From the left: {shown}; the leaves themselves.\n\n"
-        f"{refined}"
         f"<details><summary>All settings (● on the front)</summary>\n\n{table}\n\n</details>"
     )
-
-
-def refined_part(row: dict[str, Any]) -> str:
-    """Return what refinement buys for a tree."""
-    text = curve_refinement.TEXT.format(commit=row["refined"]["commit"])
-    table = curve_refinement.table(row["refined"], row["rows"])
-    return f"{text}\n\n![{row['tree']}: refined points](curves/{row['tree']}_refined.png)\n\n{table}"
 
 
 def write_page(rows: list[dict[str, Any]]) -> None:
@@ -205,7 +183,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Measure error over time, tree by tree.")
     parser.add_argument("trees", nargs="*", type=Path, help="GLB files (default: those of ../shared/foliage)")
     parser.add_argument("--verify", action="store_true", help="compare the metrics with Cycles on ten settings instead")
-    parser.add_argument("--refined", action="store_true", help="only add refined points to the kept curves")
     parser.add_argument("--page", action="store_true", help="only write docs/accuracy.md from the kept results")
     arguments = parser.parse_args()
     if arguments.verify:
@@ -214,15 +191,9 @@ def main() -> None:
     kept = {row["tree"]: row for row in json.loads(MEASURED.read_text())} if MEASURED.is_file() else {}
     trees = [] if arguments.page else arguments.trees or sorted(FOLIAGE.glob("*.glb"), key=triangles)
     for tree in trees:
-        if not arguments.refined:
-            kept[tree.stem] = measure(tree.resolve())
-            print(f"{tree.stem}: {len(kept[tree.stem]['rows'])} settings", file=sys.stderr, flush=True)
-            keep(kept)
-        if tree.stem in kept and triangles(tree) <= TREE_LIMIT:
-            begin = time.perf_counter()
-            refine(tree.resolve(), kept[tree.stem])
-            print(f"{tree.stem}: refined in {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
-            keep(kept)
+        kept[tree.stem] = measure(tree.resolve())
+        print(f"{tree.stem}: {len(kept[tree.stem]['rows'])} settings", file=sys.stderr, flush=True)
+        keep(kept)
     write_page([kept[name] for name in sorted(kept)])
 
 

@@ -1,6 +1,7 @@
 """Bakes plants of every kind without settings, and measures what one gets: `make bench-defaults`.
 
-usage: python bench/defaults.py [PLANT.glb …]   (default: ../shared/foliage up to 10 MB, and all of bench/plants.py)
+usage: make bench-defaults ARGS='[PLANT.glb …]'
+       (default: ../shared/foliage up to 10 MB, and all plants of tests/support/plants.py)
 
 FLIP, within four pixels of either silhouette, from 8 views with the project's own renderer, of each level against the
 leaves: at the size where the level takes over, at 256² and at 64². Writes docs/bench/defaults.md and defaults.png if no
@@ -49,8 +50,8 @@ DOCUMENT = ROOT / "docs" / "bench" / "defaults.md"
 
 INTRODUCTION = """# Plants of every kind, baked without settings
 
-Made by `make bench-defaults` on {commit}: the measured trees, and the plants of `bench/plants.py`. FLIP is that of
-each level against the leaves, for impostors with the trunk, within four pixels of either silhouette, from 8 views,
+Made by `make bench-defaults` on {commit}: the measured trees, and the plants of `tests/support/plants.py`. FLIP is that
+of each level against the leaves, for impostors with the trunk, within four pixels of either silhouette, from 8 views,
 flat-lit.
 
 - *crown*: pixels across the leaves' sphere where the level takes over. *there*: FLIP at this size (at most {most}²).

@@ -1,6 +1,6 @@
 """Compares the cost of drawing the levels with the cost of drawing the leaves: `make bench-drawing`.
 
-usage: python bench/drawing.py [--no-cycles] [--no-three] [TREE.glb …]
+usage: make bench-drawing ARGS='[--no-cycles] [--no-three] [TREE.glb …]'
        (default: all of ../shared/foliage up to 10 MB)
 
 Bakes each tree with default settings for three.js. Counts fragments with `leafcloud.drawing_cost`, for each level at
@@ -27,7 +27,6 @@ import numpy as np
 from browser import ask
 from commits import measured_commit
 from stage import ROOT, bake_alone, light_up, measured_trees, place, sampling_time, show_only
-from three import Request, leaves_of, look
 
 import leafcloud
 from addon.bake.drawing import level_trunks
@@ -46,6 +45,8 @@ ROUNDS, PATIENCE = 9, 900.0
 """Pictures in three.js, and seconds to wait for them."""
 SMALL = 16
 """The picture's side over that of the small picture for the coverage."""
+WHOLE = 1024
+"""The picture's side for the coverage of the leaves."""
 
 INTRODUCTION = """# What a level costs to draw
 
@@ -117,6 +118,16 @@ class Speed:
     cycles: tuple[float, float] | None
     three: tuple[float, float] | None
     coverage: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request to bench/three/coverage.js, which explains the fields."""
+
+    url: str
+    sizes: tuple[tuple[int, int], ...]
+    ktx2: bool = False
+    mips: bool = True
 
 
 @dataclass(frozen=True)
@@ -272,14 +283,18 @@ def in_three(
         question = {"tree": f"{base}.glb", "size": picture.size, "distance": picture.distance, "rounds": ROUNDS}
         question |= {"fieldOfView": math.degrees(picture.field_of_view), "cases": [0, number]}
         leaves, level = map(min, ask("bench/three/speed.html", question, patience=PATIENCE)["times"])
-        sizes = {picture.size: 2, picture.size // SMALL: 8}
-        shown, seen = look(
-            leaves_of(base, trunk=True), Request(f"{base}_LOD{number}.glb", ktx2=True, trunk=True, sizes=sizes)
-        )
-        [whole] = shown.means
-        own, small = (seen.coverage(size) / shown.coverage(whole) for size in sizes)
-        found[number] = ((leaves, level), (own, small))
+        sizes = ((picture.size, 2), (picture.size // SMALL, 8))
+        # Mip levels would thin out the leaves' own textures.
+        of_leaves = Request(f"{base}_LOD0.glb", ((WHOLE, 1),), mips=False)
+        [whole], [own, small] = coverages(of_leaves, Request(f"{base}_LOD{number}.glb", sizes, ktx2=True))
+        found[number] = ((leaves, level), (own / whole, small / whole))
     return found
+
+
+def coverages(*requests: Request) -> list[list[float]]:
+    """Return the coverage of each model in three.js at each of its sizes, the mean over the page's views."""
+    answer = ask("bench/three/coverage.html", [vars(request) for request in requests], patience=PATIENCE)
+    return [[mean(views) for views in sizes] for sizes in answer["coverages"]]
 
 
 def over_leaves(level: leafcloud.Foliage, leaves: leafcloud.Foliage, scale: float) -> float:

@@ -1,6 +1,6 @@
 """Measures what engines draw of a bake, and the files for them: `make bench-engines`.
 
-usage: python bench/engines.py [--quick] [--only SECTION] [TREE.glb …]
+usage: make bench-engines ARGS='[--quick] [--only SECTION] [TREE.glb …]'
 (default: pine, oak and fir of ../shared/foliage)
 
 - Hand-overs in three.js and Babylon.js, by the code of the packages' READMEs, in Chromium without a display: the next
@@ -32,21 +32,18 @@ from typing import Any
 import bpy
 import numpy as np
 from commits import measured_commit
+from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures, sphere_of
 from flat_views import make_flat
+from glb import Node
 from mathutils import Vector
 from numpy.typing import NDArray
 from sections import sections_of, table
 
+from addon.levels.material import page_of
 from leafcloud import flip_map
 from leafcloud.inspection import flip_near
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT)]
-from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures, sphere_of  # noqa: E402
-from glb import Node  # noqa: E402
-
-from addon.levels.material import page_of  # noqa: E402
-
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 TREES = ("pine_cards_20k", "oak_cards_11k", "douglas_fir_105k")
 BAKED = ROOT / "target" / "engines"

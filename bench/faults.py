@@ -1,6 +1,6 @@
-"""Breaks bakes in many ways, and counts lost and broken files: `make faults`.
+"""Breaks bakes in many ways, and counts lost and broken files: `make bench-faults`.
 
-usage: python bench/faults.py [--times N]      (default: 34 of each kind)
+usage: make bench-faults ARGS='[--times N]'      (default: 34 of each kind)
 
 Each fault meets a bake of the small tree at a random moment, in a folder that holds the files of an earlier bake of
 another error bound: signals (SIGKILL, SIGTERM, SIGINT); a disk for the results and one for temporary files that become
@@ -45,8 +45,8 @@ readable."""
 
 INTRODUCTION = """# Reliability
 
-Made by `make faults`: each fault meets a bake of the small tree at a random moment, in a folder with the files of an
-earlier bake. Then the bake is run again, without the fault.
+Made by `make bench-faults`: each fault meets a bake of the small tree at a random moment, in a folder with the files of
+an earlier bake. Then the bake is run again, without the fault.
 
 - *ended well*: the bake was done before the fault, or was not disturbed by it.
 - *lost*: files that are missing afterwards. *mixed*: files that are neither of the earlier bake nor of the new one.

@@ -1,6 +1,6 @@
 """Compares level 1 and its alternatives with the leaves: `make bench-fidelity`.
 
-usage: python bench/fidelity.py [--judge] [--samples 32] [TREE.glb …]   (default: foliage of up to 200,000 triangles)
+usage: make bench-fidelity ARGS='[--judge] [--samples 32] [TREE.glb …]'   (default: foliage of up to 200,000 triangles)
 
 ../shared/measure makes the alternatives from the same leaves: the published method implemented literally, a cross of
 two billboards, and meshoptimizer's sloppy simplification to the same number of triangles. Level 1 has at most the

@@ -1,6 +1,6 @@
 """Measures popping while a camera flies away from a tree, past all its levels: `make bench-flight`.
 
-usage: python bench/flight.py [--frames N] [TREE.glb …]      (default: pine and oak of ../shared/foliage)
+usage: make bench-flight ARGS='[--frames N] [TREE.glb …]'      (default: pine and oak of ../shared/foliage)
 
 Cycles, 256², 8 samples of one seed, a sun and a sky; from 1 to 60 radii, each frame farther by the same factor. Flies
 three times: as baked; with the same levels switched without transitions; with the leaves alone, as a control. A pop

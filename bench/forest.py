@@ -1,6 +1,6 @@
 """Measures a forest of 10,000 trees from seven distances: `make bench-forest`.
 
-usage: python bench/forest.py [TREE.glb]      (default: the pine of ../shared/foliage)
+usage: make bench-forest ARGS='[TREE.glb]'      (default: the pine of ../shared/foliage)
 
 Draws it in three ways: *forest*, as the extension plants it (levels and pruned leaves by distance, neighbors
 switching apart); *plain*, the same levels without pruned leaves, all switching at one distance; *leaves*, at every

@@ -1,6 +1,6 @@
 """Times forests in three.js, by the processor or by a graphics card: `make bench-frame-times`.
 
-usage: python bench/frame_times.py [--bake | --card]
+usage: make bench-frame-times ARGS='[--bake | --card]'
 
 Bakes pine, oak and fir of ../shared/foliage for three.js into target/frame_times, and times pictures of 1, 100 and
 1,000 trees in Chromium without a display (bench/three/frames.js): of the leaves only, of the levels, and of the levels

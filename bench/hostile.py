@@ -1,6 +1,6 @@
-"""Bakes hostile files, and counts how the bakes end: `make hostile`.
+"""Bakes hostile files, and counts how the bakes end: `make bench-hostile`.
 
-usage: python bench/hostile.py [--only PATTERN] [--sample N] [--list] [--ends FILE]      (default: all files, two hours)
+usage: make bench-hostile ARGS='[--only PATTERN] [--sample N] [--list] [--ends FILE]'   (default: all files, two hours)
 
 Each file is a small tree with one change (`hostile_files`, `hostile_blends`), in a folder with a pipe, links, a sparse
 file and a file outside of it. Each bake has a process, a folder of its own, SECONDS, and MEMORY; two run at a time. If
@@ -28,12 +28,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import psutil
-
-if TYPE_CHECKING:
-    from hostile_files import Case
+from hostile_blends import blend_cases
+from hostile_files import Case, gltf_cases, obj_cases
+from hostile_masses import mass_cases
 
 ROOT = Path(__file__).resolve().parents[1]
 SECONDS = 30
@@ -49,9 +48,9 @@ ENDS = (*GOOD, "unnamed", "traceback", "crash", "hang", "memory", "escape")
 
 INTRODUCTION = f"""# Hostile files
 
-Made by `make hostile`: each file is a small tree with one change, baked by a process of its own with {SECONDS} seconds
-and {MEMORY >> 30} GiB of memory. Pipes, devices, links and sparse files are beside it, another file is outside of its
-folder. The bakes get the flags `{" ".join(OWN_LIMITS)}`.
+Made by `make bench-hostile`: each file is a small tree with one change, baked by a process of its own with {SECONDS}
+seconds and {MEMORY >> 30} GiB of memory. Pipes, devices, links and sparse files are beside it, another file is outside
+of its folder. The bakes get the flags `{" ".join(OWN_LIMITS)}`.
 
 - *baked*: the bake ended well. *named*: it was refused in one line with the fault and a remedy.
 - *limit told*, *crash told*: the guard ended the bake at a limit, or Blender crashed, and one line says so.
@@ -86,11 +85,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--list", action="store_true", help="list the names of the files")
     parser.add_argument("--ends", metavar="FILE", type=Path, help="add each end to a file, and bake none that is in it")
     options = parser.parse_args(arguments)
-    sys.path[:0] = [str(ROOT / "bench")]
-    from hostile_blends import blend_cases
-    from hostile_files import gltf_cases, obj_cases
-    from hostile_masses import mass_cases
-
     every = [*gltf_cases(), *obj_cases(), *blend_cases(), *mass_cases()]
     cases = [case for case in every if re.search(options.only, case.name)]
     if options.sample is not None and options.sample < len(cases):

@@ -1,6 +1,6 @@
 """Bakes real trees and measures the results from the files alone: `make bench-measure`.
 
-usage: python bench/measure.py [--no-views] [TREE.glb …]      (default: all of ../shared/foliage)
+usage: make bench-measure ARGS='[--no-views] [TREE.glb …]'      (default: all of ../shared/foliage)
 
 For each tree: exit status, wall time and peak memory of the bake; errors and warnings of the Khronos validator; for
 each level the largest distance of a vertex from its parent plane, divided by ε, from the GLB in f64; and from Cycles
@@ -22,11 +22,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from glb import Node, read_glb
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "support"))
-from glb import Node, read_glb  # noqa: E402
-
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 VIEW_LIMIT = 200_000
 """Maximum triangles of a tree for the views in Cycles."""

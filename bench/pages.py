@@ -1,6 +1,6 @@
 """Compares level 1 of the files with the leaves, with the page that the files hold: `make bench-pages`.
 
-usage: python bench/pages.py [--label NAME] [--engines] [--strips FOLDER] [TREE.glb …]
+usage: make bench-pages ARGS='[--label NAME] [--engines] [--strips FOLDER] [TREE.glb …]'
        (default: foliage of up to 200,000 triangles)
 
 Each tree is baked for three hand-overs. Level 1 is drawn at its hand-over in Cycles, beside the leaves, the leaves as
@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 from commits import measured_commit
+from engine_views import hand_overs, levels_of, sphere_of
 from fidelity import FOLIAGE, ROOT, TREE_LIMIT, premultiplied, run, triangles
 from flat_views import bounding_sphere, directions, rendered, visible_meshes
 from looks import Pictures, encoded, looks, over_sky
@@ -40,9 +41,6 @@ from strips import TREES, write_strip
 
 import leafcloud
 from engines import View, coverage, drawn
-
-sys.path[:0] = [str(ROOT / "tests" / "support")]
-from engine_views import hand_overs, levels_of, sphere_of  # noqa: E402
 
 MEASURED = ROOT / "docs" / "bench" / "pages.json"
 BAKED = ROOT / "target" / "pages"
@@ -162,7 +160,7 @@ def cycles_row(pictures: dict[str, Pictures]) -> Row:
 def read_row(file: Path, crown: int) -> Row:
     """Compare the level with the leaves as an engine reads them, at parts of the hand-over's size."""
     centre, radius = sphere_of(levels_of(file)[0])
-    frame = {"centre": (centre[0], -centre[2], centre[1]), "radius": MARGIN * radius, "filtered": False}
+    frame: dict[str, Any] = {"centre": (centre[0], -centre[2], centre[1]), "radius": MARGIN * radius, "filtered": False}
     leaves, level = (surfaces_of(file, f"{file.stem}_LOD{number}") for number in (0, 1))
 
     def pictures(surfaces: list[Surface], size: int, samples: int, *, mips: bool = True) -> Pictures:

@@ -7,20 +7,17 @@ drawn with the mix of two mip levels that a card reads for it, without anisotrop
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from box_mips import box_filtered, encoded, linear
+from glb import Node, Primitive, read_chunks, read_glb
 from numpy.typing import NDArray
 
 import leafcloud
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-from box_mips import box_filtered, encoded, linear
-from glb import Node, Primitive, read_chunks, read_glb
 
 Floats = NDArray[np.float64]
 

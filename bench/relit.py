@@ -1,6 +1,6 @@
 """Compares level 1 under several suns with the leaves and their shadows: `make bench-relit`.
 
-usage: python bench/relit.py [TREE.glb …]      (default: those of ../shared/foliage up to 10 MB)
+usage: make bench-relit ARGS='[TREE.glb …]'      (default: those of ../shared/foliage up to 10 MB)
 
 In Cycles the leaves are white and diffuse, and cast shadows on one another. Level 1 is rendered in four ways: without
 shadows by its normals alone, as in an engine; with self-shadowing textures; with shadows that Cycles traces between the
@@ -59,13 +59,13 @@ more, because they light shadowed places. Files larger than 10 MB are left out: 
 """
 
 
-def bake(tree: Path, out: Path, *flags: str) -> Path:
-    """Bake level 1 of a tree, with further flags; return the .blend file."""
+def bake(tree: Path, out: Path) -> Path:
+    """Bake level 1 of a tree; return the .blend file."""
     effects = "transitions,normals,occlusion,self_shadowing"
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--effects", effects]
     # Billboards also where simplified leaves would be cheaper.
     level = ("--levels", "1", "--no-cross", "--form", "billboards", "--every-level")
-    subprocess.run([*command, *level, *flags], check=True, capture_output=True)
+    subprocess.run([*command, *level], check=True, capture_output=True)
     return out / f"{tree.stem}.blend"
 
 

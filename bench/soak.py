@@ -1,6 +1,6 @@
-"""Repeats work in one process and measures its resident memory: `make soak`.
+"""Repeats work in one process and measures its resident memory: `make bench-soak`.
 
-usage: python bench/soak.py [--share 0.1]      (default: every repetition)
+usage: make bench-soak ARGS='[--share 0.1]'      (default: every repetition)
 
 The works: whole bakes of the small tree with all their files, and calls of the wheel (fits, chains, renders, draw
 orders, KTX2 files) on small foliage. Prints a table in Markdown, and with all repetitions writes docs/bench/soak.md.
@@ -21,7 +21,6 @@ from pathlib import Path
 from unittest.mock import patch
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
 # Blender reads and writes its configuration here, never in the user's own.
 _RESOURCES = tempfile.TemporaryDirectory(prefix="leafcloud-soak-")
 os.environ["BLENDER_USER_RESOURCES"] = _RESOURCES.name
@@ -42,9 +41,9 @@ QUARTERS = 4
 
 INTRODUCTION = """# Resident memory over many repetitions
 
-Made by `make soak` at {commit}, in one Python process with Blender as a module. MB of resident memory of the process,
-after the warm-up and after each quarter of the repetitions. *Growth*: from the least of these to the end, at most
-{most:.0f} MB. The memory may also shrink, because the system takes back pages of libraries that are not used.
+Made by `make bench-soak` at {commit}, in one Python process with Blender as a module. MB of resident memory of the
+process, after the warm-up and after each quarter of the repetitions. *Growth*: from the least of these to the end, at
+most {most:.0f} MB. The memory may also shrink, because the system takes back pages of libraries that are not used.
 
 """
 

@@ -1,6 +1,6 @@
 """Times Cycles on the leaves and on the levels against distance: `make bench-speed`.
 
-usage: python bench/speed.py [TREE.glb]      (default: the pine of ../shared/foliage)
+usage: make bench-speed ARGS='[TREE.glb]'      (default: the pine of ../shared/foliage)
 
 The drawn triangles and Cycles' time per picture, for the leaves, levels 1 and 2, and the pruned leaves, from the
 distance where the crown fills the picture to 64 times that. Prints a table in Markdown; for the default tree it also

@@ -1,6 +1,6 @@
 """Runs the hard cases of both test suites and shows them: `make bench-stability` writes docs/stability.md.
 
-The test that asserts a case also records it (rust/core/tests/common/stability.rs, tests/support/stability.py):
+The test that asserts a case also records it (rust/core/tests/common/stability.rs, tests/support/hard_cases.py):
 the largest error found and the allowed one, or the error message for input without a result.
 """
 

@@ -13,21 +13,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import bpy
+from mathutils import Vector
+
+from addon.bake.pipeline import prepare
+from addon.bake.tree_set import bake_tree_set
+from addon.bake.values import Baked
+from addon.export.blend import clear_scene
+from addon.mesh.extract import extract
+from addon.nodes.lod import set_manual
+from addon.scene.load import load
+from addon.settings.bake import BakeSettings
+
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
-
-import bpy  # noqa: E402
-from mathutils import Vector  # noqa: E402
-
-from addon.bake.pipeline import prepare  # noqa: E402
-from addon.bake.tree_set import bake_tree_set  # noqa: E402
-from addon.bake.values import Baked  # noqa: E402
-from addon.export.blend import clear_scene  # noqa: E402
-from addon.mesh.extract import extract  # noqa: E402
-from addon.nodes.lod import set_manual  # noqa: E402
-from addon.scene.load import load  # noqa: E402
-from addon.settings.bake import BakeSettings  # noqa: E402
-
 FOLIAGE = ROOT.parent / "shared" / "foliage"
 LARGEST_FILE = 10_000_000
 """Maximum bytes of a measured tree; larger ones are for tests of speed."""

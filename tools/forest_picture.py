@@ -1,4 +1,4 @@
-"""Draws the picture of a forest for docs/engines.md in three.js: `make docs-three`.
+"""Draws the picture of a forest for docs/engines.md in three.js: `make docs`.
 
 usage: python tools/forest_picture.py PINE.glb OUT.png
 """

@@ -2,8 +2,7 @@
 
 A cost is proportional to an amount that is known before the bake: vertices, texels or triangles. Effects that look
 through the crown take longer the more leaves overlap along a line of sight. The constants of each effect are fitted to
-measured trees. `make bench-plan` measures the costs again and compares them with the estimates. Seconds apply to the
-measuring machine.
+measured trees; docs/decisions/plan.md compares measured with estimated costs. Seconds apply to the measuring machine.
 
 Known limit: two amounts are only known after the bake. The trunk triangles left after simplification are estimated as
 their maximum, the pieces of blended billboards from the leaf size.

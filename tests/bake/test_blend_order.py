@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from browser import FILES, ask
 from command_line import bake, saved
 from glb import Node, read_glb
 from mathutils import Matrix, Vector
@@ -23,7 +24,6 @@ from viewing import PAGE, PATIENCE
 
 import leafcloud
 from addon.settings.bake import BakeSettings
-from bench.browser import FILES, ask
 
 COLORS = ((0.8, 0.1, 0.1), (0.1, 0.7, 0.1), (0.1, 0.1, 0.9))
 ALPHA = 0.5

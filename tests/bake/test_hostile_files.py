@@ -1,4 +1,4 @@
-"""Hostile files of bench/hostile.py: refused before Blender reads them, in one line that names the fault.
+"""Hostile files: refused before Blender reads them, in one line that names the fault.
 
 Without the checks, Blender's importers hang on these files, fill the memory, read files elsewhere, or fail with a
 traceback.
@@ -13,18 +13,14 @@ from pathlib import Path
 import bpy
 import pytest
 from command_line import refusal, run
+from hostile_blends import blend_cases
+from hostile_files import Case, gltf_cases, obj_cases
+from hostile_masses import mass_cases
 
 from addon.errors import SceneError
 from addon.mesh.extract import extract
 from addon.scene.image_sizes import declared_size
 from addon.scene.load import load
-
-# Behind the folder of the helpers: both have a module named stability.
-sys.path.append(str(Path(__file__).resolve().parents[2] / "bench"))
-
-from hostile_blends import blend_cases
-from hostile_files import Case, gltf_cases, obj_cases
-from hostile_masses import mass_cases
 
 
 def _cases() -> Iterator[Case]:

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import bake
-
-from bench.plants import PLANTS, write
+from plants import PLANTS, write
 
 LARGEST_ERROR = 0.06
 """Image error of level 1 of any plant where it takes over: nobody notices."""

@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 import pytest
 from bakes import folder_of, kept
+from browser import ask
 from command_line import QUICK, bake, report_in, saved
 from glb import read_chunks, read_glb
 from godot import read_as_godot
@@ -23,7 +24,6 @@ from scenes import add_mesh, import_part
 from viewing import PAGE, PATIENCE
 
 from addon.settings.choices import ENGINES
-from bench.browser import ask
 
 EFFECTS = "transitions,pruning,trunk_levels,wind"
 BY_NAME = ("generic", "three", "bevy")

@@ -12,6 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from browser import ask
 from command_line import QUICK, bake, saved
 from glb import Node, Primitive, read_glb
 from laws import Floats
@@ -32,7 +33,6 @@ from addon.nodes import wind as wind_nodes
 from addon.scene.load import load
 from addon.settings.bake import BakeSettings
 from addon.versions import get_modifier_input
-from bench.browser import ask
 
 EFFECTS = "transitions,pruning,trunk_levels,wind"
 PAGE = "tests/browser/probe.html"

@@ -7,10 +7,10 @@ import math
 import bpy
 import numpy as np
 import pytest
+from hard_cases import holds, refuses
 from lod_scenes import FOUR, add_camera, build, evaluate, many_leaves, place, points_of
 from mathutils import Matrix
 from scenes import SQUARE, add_mesh, read
-from stability import holds, refuses
 
 import leafcloud
 from addon.errors import SceneError

@@ -8,6 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from browser import ask
 from laws import KNOTS, drawn_share, kept, trend
 from lod_scenes import FOUR, add_camera, build, evaluate, many_leaves, place, points_of
 from numpy.typing import NDArray
@@ -24,7 +25,6 @@ from addon.viewport.draw import inputs_of, levels_in
 from addon.viewport.look import LevelInputs, look_at
 from addon.viewport.paint import paint_of
 from addon.viewport.shader import uniforms_of
-from bench.browser import ask
 
 NEVER = 1e9
 

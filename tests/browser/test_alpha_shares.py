@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import ask
 from engine_views import bundle, pictures
 from laws import Floats
 from PIL import Image
-
-from bench.browser import ask
 
 TEXELS = 64
 TILE = 16

@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import ask
 from command_line import bake
 from engine_views import ROWS, bundle, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
 from laws import Floats
 from numpy.typing import NDArray
 from PIL import Image
-
-from bench.browser import ask
 
 SIDE = 256
 SAMPLES = 4

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from browser import ask
 from laws import KNOTS, Floats, drawn_share, kept, ramp, transition, trend
-
-from bench.browser import ask
 
 PAGE = "tests/browser/probe.html"
 PATIENCE = 120.0

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import BrowserError
 from command_line import QUICK, run
 from engine_views import (
     code_of,
@@ -22,7 +23,6 @@ from engine_views import (
     views_of_all_levels,
 )
 
-from bench.browser import BrowserError
 from tools.copy_laws import copies
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from bakes import folder_of
+from browser import ask
 from engine_views import DIRECTION, ENGINES, ROWS, code_of, forest_of, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
 from laws import Floats
 from numpy.typing import NDArray
 
 import leafcloud
-from bench.browser import ask
 
 PAGE = "three_webgpu"
 SIDE = 384

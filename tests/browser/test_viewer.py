@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 import pytest
 from bakes import folder_of
+from browser import ask
 from command_line import QUICK, bake, saved
 from glb import Node, read_glb
 from laws import KNOTS, Floats, drawn_share, ramp, transition, trend
@@ -24,7 +25,6 @@ from viewing import PAGE, PATIENCE, Pruning, apart, attribute, by_leaf, drawn_by
 from addon.mesh.meshes import PROTECT
 from addon.nodes.lod import NEVER
 from addon.versions import set_modifier_input
-from bench.browser import ask
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from bakes import folder_of
+from browser import ask
 from glb import read_glb
 from viewing import PAGE, PATIENCE
-
-from bench.browser import ask
 
 SIDE = 64
 """Height of the probe's pictures in pixels. The crown's sphere fills them at any distance."""

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bakes import folder_of
+from browser import ask
 from glb import read_glb
 from octahedral import unit
 from octahedral_pictures import SIDE, by_the_law, impostor_in
 from viewing import PAGE, PATIENCE
-
-from bench.browser import ask
 
 EYES = [(1.0, 0.4, 0.2), (-0.3, 0.2, 1.0), (0.6, -0.3, -0.7), (0.2, 1.0, -0.4)]
 

@@ -11,13 +11,13 @@ import bpy
 import numpy as np
 import pytest
 from bakes import folder_of
+from browser import ask
 from glb import Node, read_glb
 from laws import Floats, drawn_share, ramp
 from lod_scenes import add_camera
 from viewing import PAGE, PATIENCE, Pruning, drawn_by_nodes, drawn_by_shader
 
 from addon.plan.pruning import CUT_OFF
-from bench.browser import ask
 
 SHARES = (0.7, 1.0, 1.7, 5.3, 22.0, 71.0)
 """Distances in units of d₀. They keep 1, 1, 0.59, 0.19, 0.05 and 0.01 of the leaves; half is kept at 2 d₀."""

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import FILES, ask
 from laws import Floats, sun_share
 from small_glb import QUAD, QUAD_UVS, png
 from viewing import PAGE, PATIENCE
-
-from bench.browser import FILES, ask
 
 TANGENT = (0.6, 0.8, 0.0, -1.0)
 """A tangent in the plane of the quad, which faces +z. From the front the bitangent is to its left."""

@@ -9,9 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import ask
 from laws import Air, Floats, blown, carried, fluttered
-
-from bench.browser import ask
 
 PAGE = "tests/browser/probe.html"
 SINE = 2.0**-11

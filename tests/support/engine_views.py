@@ -15,11 +15,11 @@ from typing import Any
 import bpy  # noqa: F401  (brings mathutils, which the add-on needs)
 import numpy as np
 from bakes import folder_of
+from browser import ask
 from glb import Node, read_glb
 from laws import Floats
 
 from addon.export.forest_file import write_forest
-from bench.browser import ask
 
 ROOT = Path(__file__).resolve().parents[2]
 ENGINES = ROOT / "engines"

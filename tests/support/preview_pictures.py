@@ -9,12 +9,12 @@ from typing import Any
 
 import bpy
 import numpy as np
+from browser import FILES, ask
 from numpy.typing import NDArray
 
 from addon.viewport.corners import MaterialTriangles, parts_of
 from addon.viewport.draw import centre_of, inputs_of, levels_in, uniforms_in_view
 from addon.viewport.shader import ATTRIBUTES, FRAGMENT, SAMPLERS, UNIFORMS, VARYINGS, VERTEX, laws, uniforms_of_paint
-from bench.browser import FILES, ask
 
 PAGE, PATIENCE = "tests/browser/probe.html", 120.0
 

@@ -1,4 +1,4 @@
-"""Hostile .blend files, made by Blender as a module. `hostile` bakes them."""
+"""Hostile .blend files, made by Blender as a module. `make bench-hostile` bakes them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Makes plants of many shapes from nothing but numbers: `python bench/plants.py OUT [NAME …]`.
+"""Makes plants of many shapes from nothing but numbers: `python tests/support/plants.py OUT [NAME …]`.
 
 The measured trees are trees. Artists also bake ferns, palms, grass, ivy, hedges, flowers, single branches, leaves on
 the ground, a pot plant of 20 cm and a redwood of 60 m. Each plant is one file, OUT/NAME.glb, with an object `leaves`

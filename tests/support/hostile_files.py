@@ -1,4 +1,4 @@
-"""Hostile glTF and OBJ files, made from a small tree by systematic changes. `hostile` bakes them."""
+"""Hostile glTF and OBJ files, made from a small tree by systematic changes. `make bench-hostile` bakes them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Hostile .blend files that say much with few bytes: modifiers, instances, geometry nodes, curves, particles, volumes.
 
-Blender fills the memory, computes for ever, or reads and writes files elsewhere while it evaluates them. `hostile`
-bakes them.
+Blender fills the memory, computes for ever, or reads and writes files elsewhere while it evaluates them.
+`make bench-hostile` bakes them.
 """
 
 from __future__ import annotations

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from bench.read_pages import mip_levels, mixed
+from read_pages import mip_levels, mixed
 
 
 def triangle(right: tuple[float, float, float], up: tuple[float, float, float]) -> list[list[float]]:

@@ -1,4 +1,4 @@
-"""Makes two trees that no setting was chosen by: `python bench/unseen_trees.py OUT`.
+"""Makes two trees that no setting was chosen by: `python tests/support/unseen_trees.py OUT`.
 
 Each is one file, OUT/NAME.glb, with the objects `leaves` and `stem`. They grow from branches of branches, unlike the
 plants of `plants.py` and the measured trees. The same seed gives the same tree. The trees are the project's own, under

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 pytest.importorskip("flip_evaluator", reason="only tools/requirements/fidelity.txt has it")
 pytest.importorskip("scipy")
 
-from bench.looks import looks
+from looks import looks
 
 SIDE = 64
 

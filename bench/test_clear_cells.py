@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from clear_cells import without_clear
 from numpy.typing import NDArray
-
-from bench.clear_cells import without_clear
 
 SIZE = 64
 
