@@ -18,7 +18,12 @@ SECONDS ?= 600
 # pyo3's build reads a Python's configuration. The same Python everywhere avoids rebuilding it.
 export PYO3_PYTHON := $(CURDIR)/.venv/bin/python
 
-OTHER_BLENDERS := tests/blender tests/bake/test_bake.py -m 'not long and not browser'
+OTHER_BLENDERS := tests/blender tests/bake/test_bake.py -m 'not browser'
+
+# The core that all tests use: built with checks (profile dev in Cargo.toml). Rust's tests take the same features, so that nothing is
+# compiled twice.
+CORE := target/core
+CHECKED := --locked --features leafcloud-python/extension-module
 
 PIP_INSTALL = bin/python -m pip install --quiet --disable-pip-version-check
 WHEELS := target/wheels
@@ -39,21 +44,31 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 	.venv/bin/python bake.py --input "$(INPUT)" --out "$(OUT)" $(ARGS)
 
 .PHONY: test
-test: setup .venv/.test .venv-supply/.installed $(NODE_MODULES) ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
-	cargo test --workspace --release --lib --tests
-	tools/run_tests.sh .venv -m 'not long and not browser' $(ARGS)
+test: .venv/.batch .venv/.test $(CORE)/.installed .venv-supply/.installed $(NODE_MODULES) ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
+	@tools/prerequisites.sh chromium
+	tools/phase.sh "Rust's tests" cargo test --workspace --tests $(CHECKED)
+	tools/phase.sh "Python's tests in Blender 4.5" tools/run_tests.sh .venv -m 'not night' $(ARGS)
 
-# CI runs this target. Blender 4.2 and 5.0 run the tests inside Blender and one whole bake. The tests of Rust run with its checks of
-# arithmetic; the release build gives the same bytes (tools/same_bytes.sh), and all tests of Python use it.
-.PHONY: test-all
-test-all: setup environments .venv/.test .venv-4.2/.wheel .venv-5.0/.wheel ## run all tests, also those of the browser, of measured trees and of Blender 4.2 and 5.0
-	cargo test --workspace --lib --tests
-	tools/same_bytes.sh
-	tools/run_tests.sh .venv
-	tools/run_tests.sh .venv-4.2 $(OTHER_BLENDERS)
-	tools/run_tests.sh .venv-5.0 $(OTHER_BLENDERS)
+# What depends on Blender's version, and one whole bake.
+.PHONY: test-versions
+test-versions: .venv-4.2/.test .venv-5.0/.test $(CORE)/.installed ## run the tests that depend on Blender's version in Blender 4.2 and 5.0
+	tools/phase.sh "Blender 4.2" tools/run_tests.sh .venv-4.2 -m 'version and not night'
+	tools/phase.sh "Blender 5.0" tools/run_tests.sh .venv-5.0 -m 'version and not night'
+
+# The release build has to give the same bytes as that of the tests (tools/same_bytes.sh).
+.PHONY: test-night
+test-night: setup environments .venv/.test $(CORE)/.installed ## run all tests: also measured trees, large inputs, many repetitions, and whole suites in Blender 4.2 and 5.0 (two hours)
+	tools/phase.sh "Rust's tests" cargo test --workspace --tests $(CHECKED) -- --include-ignored
+	tools/phase.sh "the same bytes" tools/same_bytes.sh
+	tools/phase.sh "Python's tests in Blender 4.5" tools/run_tests.sh .venv tests bench
+	tools/phase.sh "Blender 4.2" tools/run_tests.sh .venv-4.2 $(OTHER_BLENDERS)
+	tools/phase.sh "Blender 5.0" tools/run_tests.sh .venv-5.0 $(OTHER_BLENDERS)
 	$(if $(BLENDER),$(MAKE) test-interface)
 	$(if $(GODOT),$(MAKE) test-godot)
+
+.PHONY: test-times
+test-times: ## print where the time of the last tests went: phases, the sixty slowest tests, files
+	@$$(tools/prerequisites.sh --find-python) tools/test_times.py
 
 .PHONY: environments
 environments: .venv-4.2/.test .venv-5.0/.test .venv-supply/.installed $(NODE_MODULES) ## download the other environments and packages of the tests
@@ -231,6 +246,13 @@ $(eval $(call environment,.venv-5.0,5.0))
 $(WHEELS)/.built: $(RUST_SOURCES) .venv/.build
 	@rm -f $(WHEELS)/leafcloud-*.whl
 	.venv/bin/maturin build --release --interpreter .venv/bin/python --out $(WHEELS)
+	@touch $@
+
+# Beside the environments, whose wheel is the fastest one: tools/run_tests.sh takes the core from here.
+$(CORE)/.installed: $(RUST_SOURCES) .venv/.build
+	@rm -rf $(CORE) target/checked
+	tools/phase.sh "compile the core" .venv/bin/maturin build --locked --interpreter .venv/bin/python --out target/checked
+	@.venv/$(PIP_INSTALL) --no-deps --target $(CORE) target/checked/leafcloud-*.whl
 	@touch $@
 
 # npm writes this target itself.

@@ -3,12 +3,15 @@
 #
 #   tools/run_tests.sh ENVIRONMENT PYTEST_ARGUMENT…
 #
+# The core is that in target/core, which has checks (`make target/core/.installed`).
 # Files stay in their order, slow ones (tests/bake) first: at the end, short files keep both processes busy.
 # The time limit ends a Blender that hangs when it exits; no limit inside pytest can.
 set -euo pipefail
 environment=$1
 shift
 
+PYTHONPATH=$(cd "$(dirname "$0")/.." && pwd)/target/core${PYTHONPATH:+:$PYTHONPATH}
+export PYTHONPATH LEAFCLOUD_TIMES=${environment##*/}
 blender=$("$environment/bin/python" -c 'from importlib.metadata import version; print(version("bpy"))')
 echo "leafcloud: testing in Blender $blender" >&2
-exec timeout --kill-after=10 3000 "$environment/bin/python" -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder "$@"
+exec timeout --kill-after=10 9000 "$environment/bin/python" -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder "$@"
