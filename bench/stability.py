@@ -17,7 +17,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "stability.md"
 RUNS = [
-    ["cargo", "test", "--quiet", "--release", "--package", "leafcloud"],
+    ["cargo", "test", "--quiet", "--package", "leafcloud", "--", "--include-ignored"],
     [sys.executable, "-m", "pytest", "--quiet", "tests/blender/test_hard_cases.py"],
 ]
 

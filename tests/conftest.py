@@ -21,7 +21,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Mark tests in tests/browser and tests of the measured trees; leave the latter out if the trees are missing."""
     measured = [item for item in items if "foliage_dir" in getattr(item, "fixturenames", ())]
     for item in measured:
-        item.add_marker("long")
+        item.add_marker("night")
     for item in items:
         if item.path.parent.name == "browser":
             item.add_marker("browser")
@@ -33,7 +33,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run a test with the argument `tree_path` on the shrub and on every measured tree."""
     if "tree_path" in metafunc.fixturenames:
-        measured = [pytest.param(tree, marks=pytest.mark.long) for tree in sorted(FOLIAGE.glob("*.glb"))]
+        measured = [pytest.param(tree, marks=pytest.mark.night) for tree in sorted(FOLIAGE.glob("*.glb"))]
         metafunc.parametrize("tree_path", [SHRUB, *measured], ids=lambda tree: tree.stem)
 
 

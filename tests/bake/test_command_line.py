@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 import pytest
-from command_line import QUICK, bake_apart, run, saved
+from command_line import QUICK, bake_apart, run, run_apart, saved
 from glb import read_glb
 
 from addon.settings.effects import EFFECTS
@@ -52,7 +52,7 @@ def test_a_blend_file_bakes_with_modifiers_and_camera(shrub: Path, tmp_path: Pat
 
 
 def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path) -> None:
-    table = run("--input", shrub, "--plan-only", "--out", tmp_path / "out")
+    table = run_apart("--input", shrub, "--plan-only", "--out", tmp_path / "out")
     assert table.returncode == 0, table.stderr
     states = dict(line.split()[:2] for line in table.stdout.splitlines()[1:])
     on = {"transitions": "on", "trunk_levels": "on", "far_levels": "on", "normals": "on", "back_sides": "auto"}
@@ -64,7 +64,7 @@ def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path)
 
 
 def test_help_lists_the_flags_and_their_defaults() -> None:
-    shown = run("--help")
+    shown = run_apart("--help")
     assert shown.returncode == 0
     text = " ".join(shown.stdout.split())
     for name in ("input", "leaves", "out", "no-cross", "plan-only", "json"):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import bpy
 import pytest
-from command_line import refusal, run
+from command_line import refusal, refusal_apart, run_apart
 from hostile_blends import blend_cases
 from hostile_files import Case, gltf_cases, obj_cases
 from hostile_masses import mass_cases
@@ -158,7 +158,7 @@ def test_files_of_blenders_exporter_are_read(options: dict[str, object], shrub: 
 
 def test_a_million_instances_are_refused(folder: Path, tmp_path: Path) -> None:
     source = CASES["blend 1000000 instances"].write(folder)
-    line = refusal(tmp_path / "out", "--input", source)
+    line = refusal_apart(tmp_path / "out", "--input", source)
     assert "more than 10000000 triangles with all instances, counted to object 'ground'" in line
 
 
@@ -173,7 +173,7 @@ def test_a_million_instances_are_refused(folder: Path, tmp_path: Path) -> None:
 )
 def test_a_scene_that_no_check_can_judge_ends_in_one_line(name: str, words: str, folder: Path, tmp_path: Path) -> None:
     source = CASES[name].write(folder)
-    assert words in refusal(tmp_path / "out", "--input", source, "--memory", 1)
+    assert words in refusal_apart(tmp_path / "out", "--input", source, "--memory", 1)
 
 
 def test_files_in_folders_below_the_input_and_links_to_them_are_read(folder: Path) -> None:
@@ -204,7 +204,7 @@ def test_the_size_of_an_image_is_read_from_its_start(form: str, suffix: str, tmp
 @pytest.mark.parametrize("name", ["blend driver", "blend script"])
 def test_a_bake_runs_no_script_of_a_file(name: str, folder: Path, tmp_path: Path) -> None:
     source = CASES[name].write(folder)
-    done = run("--input", source, "--out", tmp_path / "out", "--texture-size", 64, "--levels", 1)
+    done = run_apart("--input", source, "--out", tmp_path / "out", "--texture-size", 64, "--levels", 1)
     assert done.returncode == 0, done.stderr
     assert not (folder / "escaped").exists()
 
@@ -217,4 +217,4 @@ def test_control_characters_of_a_name_do_not_reach_the_terminal(tmp_path: Path) 
 
 def test_a_bake_of_a_hostile_file_ends_in_one_line(folder: Path, tmp_path: Path) -> None:
     source = CASES["structure loop"].write(folder)
-    assert "is its own parent" in refusal(tmp_path / "out", "--input", source)
+    assert "is its own parent" in refusal_apart(tmp_path / "out", "--input", source)

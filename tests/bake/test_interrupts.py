@@ -58,7 +58,7 @@ def seconds(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> float:
 
 
 MOMENTS = [
-    *(pytest.param(signal.SIGINT, number / 20.0, marks=[pytest.mark.long] * (number % 2)) for number in range(21)),
+    *(pytest.param(signal.SIGINT, number / 20.0, marks=[pytest.mark.night] * (number % 2)) for number in range(21)),
     *((signal.SIGTERM, share) for share in (0.0, 0.3, 0.6)),
 ]
 
@@ -107,7 +107,7 @@ def test_an_interrupted_bake_removes_the_folders_it_made(shrub: Path, tmp_path: 
     [
         "temporary/leafcloud-bake-*",
         "out/.leafcloud-*/*_LOD0.glb",
-        pytest.param("out/.leafcloud-*/*.blend", marks=pytest.mark.long),
+        pytest.param("out/.leafcloud-*/*.blend", marks=pytest.mark.night),
     ],
 )
 def test_the_bake_after_a_killed_one_removes_all_that_it_left(pattern: str, shrub: Path, tmp_path: Path) -> None:

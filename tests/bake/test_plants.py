@@ -23,7 +23,7 @@ def error_at_hand_over(row: dict[str, Any]) -> float:
 
 
 @pytest.mark.parametrize(
-    "name", [name if name == "pot" else pytest.param(name, marks=pytest.mark.long) for name in PLANTS]
+    "name", [name if name == "pot" else pytest.param(name, marks=pytest.mark.night) for name in PLANTS]
 )
 def test_a_plant_bakes_without_settings(
     name: str, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import bpy
 import pytest
-from command_line import BAKE, QUICK, refusal, run, saved
+from command_line import BAKE, QUICK, refusal, run, run_apart, saved
 
 
 @pytest.mark.parametrize(
@@ -33,7 +33,7 @@ def test_a_wrong_command_line_is_refused(arguments: list[str], words: list[str],
 
 
 def test_a_bake_without_a_folder_is_refused(shrub: Path) -> None:
-    done = run("--input", shrub)
+    done = run_apart("--input", shrub)
     assert (done.returncode, done.stderr) == (
         2,
         "bake.py: --out DIR is missing: name the output folder\n",
@@ -199,7 +199,7 @@ def test_another_file_beside_the_results_is_baked(shrub: Path, tmp_path: Path) -
 def test_a_name_that_is_no_utf_8_is_baked(shrub: Path, tmp_path: Path) -> None:
     file = tmp_path / "b\udce4um.glb"
     file.write_bytes(shrub.read_bytes())
-    done = run("--input", file, "--out", tmp_path / "bl\udce4tter", *QUICK, "--levels", 1)
+    done = run_apart("--input", file, "--out", tmp_path / "bl\udce4tter", *QUICK, "--levels", 1)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "bl\udce4tter" / "b_um.glb").is_file()
 

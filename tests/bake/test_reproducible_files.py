@@ -116,7 +116,7 @@ def test_levels_depend_on_no_processor(shrub: Path, processor: str) -> None:
     assert here == there
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_textures_are_the_same_in_blender_4_5_and_5_0(baked: Bakes) -> None:
     other = ROOT / ".venv-5.0" / "bin" / "python"
     if not other.exists():
@@ -124,7 +124,7 @@ def test_textures_are_the_same_in_blender_4_5_and_5_0(baked: Bakes) -> None:
     assert images_of(baked(other) / "shrub.glb") == images_of(baked() / "shrub.glb")
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_colors_are_the_same_in_blender_4_2(baked: Bakes) -> None:
     """Its importer makes other normals."""
     other = ROOT / ".venv-4.2" / "bin" / "python"

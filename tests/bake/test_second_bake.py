@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 import pytest
-from command_line import bake, refusal, run, saved
+from command_line import bake, refusal_apart, run_apart, saved
 from lod_scenes import add_camera
 from scenes import add_mesh, import_part, read
 
@@ -238,16 +238,16 @@ def test_reading_a_level_as_a_tree_is_refused(sources: list[bpy.types.Object]) -
 def test_the_command_line_refuses_a_file_that_shows_levels(sources: list[bpy.types.Object], tmp_path: Path) -> None:
     bpy.ops.leafcloud.bake()
     source = saved(tmp_path / "baked.blend")
-    line = refusal(tmp_path / "out", "--input", source)
+    line = refusal_apart(tmp_path / "out", "--input", source)
     remedy = "bake 'branches', 'leaves' (select them, or show them in renders and hide the levels there)"
     assert line == f"object 'leaves_LOD0' is a level of a baked tree: {remedy}"
-    plan = run("--input", source, "--plan-only")
+    plan = run_apart("--input", source, "--plan-only")
     assert (plan.returncode, plan.stderr) == (1, f"bake.py: {line}\n")
     for obj in bpy.context.scene.objects:
         obj.hide_set(obj not in sources)
         obj.hide_render = obj not in sources
     saved(source)
-    plan = run("--input", source, "--plan-only", "--json")
+    plan = run_apart("--input", source, "--plan-only", "--json")
     assert plan.returncode == 0, plan.stderr
     assert json.loads(plan.stdout)
 

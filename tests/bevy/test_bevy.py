@@ -30,7 +30,7 @@ PROGRAM = shlex.split(os.environ.get("BEVY_PICTURES", ""))
 
 pytestmark = [
     pytest.mark.skipif(not PROGRAM, reason="needs the environment variable BEVY_PICTURES, which make test-bevy sets"),
-    pytest.mark.long,
+    pytest.mark.night,
 ]
 
 SHARES = (0.5, 0.9, 1.5, 2.0, 4.0)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bakes import folder_of
 from engine_views import code_of, for_babylon, forest_file, forest_of, hand_overs, levels_of, pictures, triangles
 
 SIDE = 256
@@ -16,7 +17,7 @@ COUNT = 48
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return for_babylon("babylon octahedral", tmp_path_factory.mktemp("babylon_forest"))
+    return for_babylon(folder_of("babylon octahedral"), tmp_path_factory.mktemp("babylon_forest"))
 
 
 def views_of(tree: Path) -> list[dict[str, Any]]:

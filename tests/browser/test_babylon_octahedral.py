@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bakes import folder_of
 from engine_views import code_of, for_babylon, levels_of, pictures
 from laws import Floats
 from octahedral import unit
@@ -18,7 +19,7 @@ LAST = 3
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return for_babylon("babylon octahedral", tmp_path_factory.mktemp("babylon_octahedral"))
+    return for_babylon(folder_of("babylon octahedral"), tmp_path_factory.mktemp("babylon_octahedral"))
 
 
 MOVED = """

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bakes import folder_of
 from engine_views import (
     ENGINES,
     ROOT,
@@ -29,7 +30,7 @@ PACKAGE = ENGINES / "babylon"
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return for_babylon("babylon", tmp_path_factory.mktemp("babylon"))
+    return for_babylon(folder_of("babylon"), tmp_path_factory.mktemp("babylon"))
 
 
 def test_each_level_is_drawn_at_its_distances(tree: Path) -> None:

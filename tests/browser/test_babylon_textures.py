@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bakes import kept
+from command_line import QUICK
 from engine_views import code_of, for_babylon, hand_overs, levels_of, pictures, sphere_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,7 +29,8 @@ noise."""
 
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return for_babylon("babylon", tmp_path_factory.mktemp("babylon_ktx2"))
+    still = kept(*QUICK, "--engine", "babylon", "--last", "cross", "--effects=+transitions")
+    return for_babylon(still, tmp_path_factory.mktemp("babylon_ktx2"))
 
 
 def code_with(transcoder: str | None) -> str:

@@ -105,7 +105,7 @@ def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.
     """The last bake prunes leaves and protects one of them. The others keep all leaves until level 1 takes over."""
     folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "as it is":
-        return folder_of("pruning")
+        return folder_of("leaves pruned")
     if request.param == "moved":
         bake(moved(shrub, folder), out, *QUICK, "--effects=+pruning")
     else:

@@ -33,6 +33,7 @@ _EXACT = ("--effects", "transitions,pruning,trunk_levels,wind")
 BAKES: dict[str, tuple[str, ...]] = {
     "quick": QUICK,
     "sharp": ("--texture-size", "256", "--effects=+pruning", "--every-level"),
+    "leaves pruned": (*QUICK, "--effects=+pruning"),
     "octahedral": (*QUICK, "--last", "octahedral", "--effects=+transitions"),
     "pruned": (*QUICK, "--chain", "pruning", "--prune-pixels", "60"),
     "generic": (*QUICK, *_EXACT),

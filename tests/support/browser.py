@@ -1,7 +1,11 @@
-"""Runs a page in Chromium without a display, to get answers that need an engine's own code."""
+"""Runs pages in Chromium without a display, to get answers that need an engine's own code.
+
+A process starts Chromium once for all its pages. A page that does not answer ends it, and the next page starts another.
+"""
 
 from __future__ import annotations
 
+import atexit
 import json
 import queue
 import subprocess
@@ -14,6 +18,8 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
+from urllib.request import Request, urlopen
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = "/files/"
@@ -28,6 +34,8 @@ PROCESSOR = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--use-we
 """SwiftShader needs no graphics card and renders the same everywhere."""
 CARD = ("--use-angle=gl-egl", "--ignore-gpu-blocklist")
 """The graphics card by EGL, which needs no display. By Vulkan an NVIDIA H100 lost its context in the first picture."""
+START = 30.0
+"""Maximum seconds until Chromium has started, or opened a page."""
 
 
 class BrowserError(Exception):
@@ -77,8 +85,13 @@ def ask(
     """
     answers: queue.Queue[bytes] = queue.Queue()
     handler = partial(_Handler, question=json.dumps(question).encode(), answers=answers, files=files)
-    with _serving(handler) as address, _browser(f"{address}/{page}", drawn_by) as browser:
-        answer = json.loads(_first(answers, browser, patience))
+    browser = _started(tuple(drawn_by))
+    try:
+        with _serving(handler) as address, browser.opened(f"{address}/{page}"):
+            answer = json.loads(_first(answers, browser.process, patience))
+    except BaseException:
+        browser.end()
+        raise
     if "error" in answer:
         raise BrowserError(f"{page} failed: {answer['error']}")
     return answer
@@ -95,6 +108,64 @@ def _first(answers: queue.Queue[bytes], browser: subprocess.Popen[bytes], patien
     raise BrowserError(f"the page did not answer within {patience:.0f} s")
 
 
+class _Browser:
+    """A Chromium with a temporary profile. Its pages are opened and closed by the HTTP side of DevTools."""
+
+    def __init__(self, drawn_by: Sequence[str]) -> None:
+        self._profile = tempfile.TemporaryDirectory(prefix="leafcloud-chromium-", ignore_cleanup_errors=True)
+        command = [*CHROMIUM, *drawn_by, f"--user-data-dir={self._profile.name}", "about:blank"]
+        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self._port = self._wait_for_port()
+
+    def _wait_for_port(self) -> int:
+        told, end = Path(self._profile.name) / "DevToolsActivePort", time.monotonic() + START
+        while time.monotonic() < end and self.process.poll() is None:
+            lines = told.read_text().splitlines() if told.exists() else []
+            if len(lines) == 2:  # The port, and the address of the whole browser.
+                return int(lines[0])
+            time.sleep(0.02)
+        self.end()
+        raise BrowserError(f"chromium did not start within {START:.0f} s")
+
+    @contextmanager
+    def opened(self, address: str) -> Iterator[None]:
+        """Show a page during the block."""
+        page = json.loads(self._ask("PUT", f"new?{quote(address, safe='')}"))
+        yield
+        self._ask("GET", f"close/{page['id']}")
+
+    def _ask(self, method: str, path: str) -> bytes:
+        request = Request(f"http://127.0.0.1:{self._port}/json/{path}", method=method)
+        with urlopen(request, timeout=START) as answer:
+            return bytes(answer.read())
+
+    def end(self) -> None:
+        self.process.terminate()
+        try:
+            self.process.wait(timeout=10.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self._profile.cleanup()
+
+
+_browsers: dict[tuple[str, ...], _Browser] = {}
+
+
+def _started(drawn_by: tuple[str, ...]) -> _Browser:
+    """Return the running browser of this process."""
+    known = _browsers.get(drawn_by)
+    if known is None or known.process.poll() is not None:
+        known = _browsers[drawn_by] = _Browser(drawn_by)
+    return known
+
+
+@atexit.register
+def _end_all() -> None:
+    for browser in _browsers.values():
+        browser.end()
+
+
 @contextmanager
 def _serving(handler: Any) -> Iterator[str]:
     """Run a server during the block; yield its address."""
@@ -104,23 +175,3 @@ def _serving(handler: Any) -> Iterator[str]:
             yield f"http://127.0.0.1:{server.server_port}"
         finally:
             server.shutdown()
-
-
-@contextmanager
-def _browser(address: str, drawn_by: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """Run Chromium at `address` during the block, with a temporary profile."""
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        command = [*CHROMIUM, *drawn_by, f"--user-data-dir={profile}", address]
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
-            try:
-                yield browser
-            finally:
-                _end(browser)
-
-
-def _end(browser: subprocess.Popen[bytes]) -> None:
-    browser.terminate()
-    try:
-        browser.wait(timeout=10.0)
-    except subprocess.TimeoutExpired:
-        browser.kill()

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -18,9 +22,46 @@ QUICK = ("--texture-size", "128", "--epsilon", "0.1", "--quality", "0.1", "--eve
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run bake.py's program within the process of the tests, which saves the start of Blender. Return what it printed.
+
+    It may replace the open scene. Use `run_apart` to test the process.
+    """
+    import bake as program
+
+    given = list(map(str, arguments))
+    with _captured() as printed, patch("addon.ending.own_temporary_folder"):
+        status = program._status(given)
+    return subprocess.CompletedProcess(given, status, *printed)
+
+
+def run_apart(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run bake.py in a process of its own. Return the ended process."""
     command = [sys.executable, str(BAKE), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=280, check=False)
+
+
+@contextmanager
+def _captured() -> Iterator[list[str]]:
+    """Yield a list that gets what was printed during the block: by Python and by Blender, which prints from C."""
+    printed: list[str] = []
+    kept, streams = [os.dup(1), os.dup(2)], (sys.stdout, sys.stderr)
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        files = (out, err)
+        for number, file in enumerate(files, 1):
+            os.dup2(file.fileno(), number)
+        sys.stdout, sys.stderr = (open(number, "w", encoding="utf-8", closefd=False) for number in (1, 2))  # noqa: SIM115
+        try:
+            yield printed
+        finally:
+            for stream in (sys.stdout, sys.stderr):
+                stream.flush()
+            sys.stdout, sys.stderr = streams
+            for number, descriptor in enumerate(kept, 1):
+                os.dup2(descriptor, number)
+                os.close(descriptor)
+            for file in files:
+                file.seek(0)
+                printed.append(file.read().decode())
 
 
 def bake(source: Path, out: Path, *arguments: object) -> dict[str, Any]:
@@ -38,7 +79,7 @@ def bake(source: Path, out: Path, *arguments: object) -> dict[str, Any]:
 
 def bake_apart(source: Path, out: Path, *arguments: object) -> dict[str, Any]:
     """Bake `source` into `out` in a process of its own. Return the report. The open scene stays."""
-    done = run("--input", source, "--out", out, *arguments)
+    done = run_apart("--input", source, "--out", out, *arguments)
     assert done.returncode == 0, done.stderr
     return report_in(out)
 
@@ -49,11 +90,19 @@ def report_in(out: Path) -> dict[str, Any]:
 
 
 def refusal(out: Path, *arguments: object) -> str:
-    """Run a bake in a process of its own; fail unless bake.py refuses the bake in one line. Return the line.
+    """Run a bake; fail unless bake.py refuses the bake in one line. Return the line.
 
     The bake must leave nothing in its folder.
     """
-    done = run("--out", out, *arguments)
+    return _refused(run("--out", out, *arguments), out)
+
+
+def refusal_apart(out: Path, *arguments: object) -> str:
+    """Do as `refusal` does in a process of its own: for limits of the process, and to keep the open scene."""
+    return _refused(run_apart("--out", out, *arguments), out)
+
+
+def _refused(done: subprocess.CompletedProcess[str], out: Path) -> str:
     assert done.returncode not in (0, -6, -11)
     assert not out.is_dir() or not list(out.iterdir())
     lines = done.stderr.splitlines()

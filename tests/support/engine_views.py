@@ -14,7 +14,6 @@ from typing import Any
 
 import bpy  # noqa: F401  (brings mathutils, which the add-on needs)
 import numpy as np
-from bakes import folder_of
 from browser import ask
 from glb import Node, read_glb
 from laws import Floats
@@ -44,10 +43,10 @@ def bundle(folder: Path) -> None:
     )
 
 
-def for_babylon(name: str, folder: Path) -> Path:
-    """Return a copy in `folder` of the tree of a bake of the catalogue, beside the module."""
+def for_babylon(baked: Path, folder: Path) -> Path:
+    """Return a copy in `folder` of the tree that was baked into a folder, beside the module."""
     bundle(folder)
-    return Path(shutil.copy(folder_of(name) / "shrub.glb", folder))
+    return Path(shutil.copy(baked / "shrub.glb", folder))
 
 
 def pictures(engine: str, file: Path, **question: Any) -> list[dict[str, Any]]:

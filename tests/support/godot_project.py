@@ -23,7 +23,7 @@ GODOT = shlex.split(os.environ.get("GODOT", ""))
 
 NEEDS_GODOT = [
     pytest.mark.skipif(not GODOT, reason="needs the environment variable GODOT, the command of a Godot 4.6"),
-    pytest.mark.long,
+    pytest.mark.night,
 ]
 
 RENDERERS = {"gl_compatibility": "Compatibility", "forward_plus": "Forward+", "mobile": "Forward Mobile"}

@@ -213,7 +213,7 @@ def lives(process: int) -> bool:
         return False
 
 
-@pytest.mark.long
+@pytest.mark.night
 def test_a_bake_that_answers_no_signal_is_killed(start: Start) -> None:
     process = start(READY + "time.sleep(100)")
     os.kill(bake_of(process), signal.SIGSTOP)
