@@ -15,6 +15,7 @@ import pytest
 from bakes import folder_of, kept, report_of
 from command_line import QUICK, bake, report_in, saved
 from glb import Node, Primitive, read_glb
+from night import rest_at_night
 from numpy.typing import NDArray
 
 from addon.settings.effects import EFFECTS
@@ -43,6 +44,7 @@ def baked() -> tuple[Path, dict[str, Any]]:
 # Files
 
 
+@pytest.mark.version
 def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[str, Any]]) -> None:
     _, report = baked
     facts = {"leafcloud", "blender", "input", "predicted", "effects", "files", "warnings"}
@@ -102,6 +104,7 @@ def test_levels_take_over_where_their_measured_error_is_within_the_target(baked:
         assert larger[0]["image_error"] > found["target"]
 
 
+@pytest.mark.version
 def test_all_files_are_there_and_no_others(baked: tuple[Path, dict[str, Any]]) -> None:
     out, report = baked
     levels = [f"shrub_LOD{number}.glb" for number in range(4)]
@@ -111,6 +114,7 @@ def test_all_files_are_there_and_no_others(baked: tuple[Path, dict[str, Any]]) -
     assert sorted(file.name for file in out.iterdir()) == report["files"]
 
 
+@pytest.mark.version
 def test_every_level_is_one_mesh_with_its_trunk(baked: tuple[Path, dict[str, Any]]) -> None:
     out, report = baked
     nodes = read_glb(out / "shrub.glb")
@@ -128,6 +132,7 @@ def test_every_level_is_one_mesh_with_its_trunk(baked: tuple[Path, dict[str, Any
         assert np.array_equal(alone[node.name].primitives[0].indices, node.primitives[0].indices)
 
 
+@pytest.mark.version
 def test_clouds_are_cut_out_by_alpha(baked: tuple[Path, dict[str, Any]]) -> None:
     nodes = read_glb(baked[0] / "shrub.glb")
     for number in (1, 2, 3):
@@ -143,6 +148,7 @@ def test_clouds_are_cut_out_by_alpha(baked: tuple[Path, dict[str, Any]]) -> None
             assert primitive.material["pbrMetallicRoughness"].get(factor, 1.0) == leaves.get(factor, 1.0)
 
 
+@pytest.mark.version
 def test_tangents_lie_along_the_texture(baked: tuple[Path, dict[str, Any]]) -> None:
     """Billboards are rectangles with textures along their sides. Green of a normal map points up the texture."""
     nodes = read_glb(baked[0] / "shrub.glb")
@@ -162,6 +168,7 @@ def test_tangents_lie_along_the_texture(baked: tuple[Path, dict[str, Any]]) -> N
             np.testing.assert_allclose(along[straight], np.sign(expected[straight]), atol=1e-3)
 
 
+@pytest.mark.version
 def test_leaves_are_stored_in_rank_order_and_whole(baked: tuple[Path, dict[str, Any]]) -> None:
     node = read_glb(baked[0] / "shrub.glb")["shrub_LOD0"]
     extras = node.mesh_extras["leafcloud"]
@@ -184,6 +191,7 @@ def test_leaves_are_stored_in_rank_order_and_whole(baked: tuple[Path, dict[str, 
     np.testing.assert_allclose(extras["area_shares"], expected, atol=1e-6)
 
 
+@pytest.mark.version
 def test_pivots_are_turned_to_y_up(baked: tuple[Path, dict[str, Any]]) -> None:
     node = read_glb(baked[0] / "shrub.glb")["shrub_LOD0"]
     for primitive in node.primitives:
@@ -196,6 +204,7 @@ def test_pivots_are_turned_to_y_up(baked: tuple[Path, dict[str, Any]]) -> None:
             assert (np.abs(pivots - corners.mean(axis=1)).max(axis=1) <= 2.0 * sizes).all()
 
 
+@pytest.mark.version
 def test_the_blend_file_holds_the_levels_and_no_data_for_engines(baked: tuple[Path, dict[str, Any]]) -> None:
     bpy.ops.wm.open_mainfile(filepath=str(baked[0] / "shrub.blend"))
     objects = {obj.name for obj in bpy.context.scene.objects}
@@ -212,6 +221,7 @@ def test_the_blend_file_holds_the_levels_and_no_data_for_engines(baked: tuple[Pa
     assert not bpy.data.texts
 
 
+@pytest.mark.version
 def test_the_camera_s_distance_decides_which_level_is_drawn(baked: tuple[Path, dict[str, Any]]) -> None:
     out, report = baked
     bpy.ops.wm.open_mainfile(filepath=str(out / "shrub.blend"))
@@ -300,6 +310,7 @@ def test_a_bake_keeps_its_bound_and_is_valid(
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 
+@pytest.mark.night
 def test_the_fitters_options_reach_the_files(
     shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
@@ -319,8 +330,8 @@ def test_the_fitters_options_reach_the_files(
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 
-@pytest.mark.parametrize("method", [("density",), ("kmeans", "--max-billboards", 16)])
-def test_other_methods_bake(method: tuple[object, ...]) -> None:
+@pytest.mark.parametrize("method", rest_at_night([["density"], ["kmeans", "--max-billboards", 16]]))
+def test_other_methods_bake(method: list[object]) -> None:
     report = report_in(kept(*QUICK, "--method", *method))
     assert [level["method"] for level in report["levels"][1:3]] == [method[0]] * 2
     assert all(level["max_deviation"] <= level["epsilon"] for level in report["levels"][1:3])
@@ -347,7 +358,7 @@ def placed_shrub(shrub: Path, *, mirrored: bool, sheared: bool) -> bpy.types.Obj
     return leaves
 
 
-@pytest.mark.parametrize(("mirrored", "sheared"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize(("mirrored", "sheared"), rest_at_night([(True, False), (False, True), (True, True)]))
 def test_a_tree_may_lie_anywhere(mirrored: bool, sheared: bool, shrub: Path, tmp_path: Path) -> None:
     leaves = placed_shrub(shrub, mirrored=mirrored, sheared=sheared)
     matrix = np.array(leaves.matrix_world, np.float64)
@@ -382,6 +393,7 @@ def corner_rows(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     return rows.reshape(-1, 3, 8)
 
 
+@pytest.mark.version
 def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple[Path, dict[str, Any]]) -> None:
     bpy.ops.import_scene.gltf(filepath=str(shrub))
     source = corner_rows(bpy.data.objects["leaves"].data)

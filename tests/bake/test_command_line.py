@@ -12,6 +12,7 @@ import bpy
 import pytest
 from command_line import QUICK, bake_apart, run, run_apart, saved
 from glb import read_glb
+from night import rest_at_night
 
 from addon.settings.effects import EFFECTS
 
@@ -131,7 +132,7 @@ def with_a_script(shrub: Path, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    "scene", [with_a_driver_that_fails, with_an_override, with_a_driver_in_a_library, with_a_script]
+    "scene", rest_at_night([with_a_driver_that_fails, with_an_override, with_a_driver_in_a_library, with_a_script])
 )
 def test_a_bake_ends_and_leaves_no_temporary_files(
     scene: Callable[[Path, Path], Path], shrub: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -182,6 +182,7 @@ def test_a_refused_curve_writes_no_file(shrub: Path, tmp_path: Path) -> None:
     assert [file.name for file in taken.iterdir()] == ["shrub_curve.svg"]
 
 
+@pytest.mark.night
 def test_a_bake_with_a_preset_reports_its_prediction(shrub: Path, tmp_path: Path) -> None:
     small = ("--texture-size", 256, "--levels", 1, "--no-cross")
     import_part(shrub)
@@ -245,6 +246,7 @@ def drawn() -> list[tuple[str, str]]:
     return found
 
 
+@pytest.mark.night
 @pytest.mark.usefixtures("_selected")
 def test_the_panel_measures_a_curve_and_applies_an_offer() -> None:
     assert [kind for kind, _ in drawn()] == ["leafcloud.curve", "prop", "prop"]
@@ -278,6 +280,7 @@ def test_the_panel_measures_a_curve_and_applies_an_offer() -> None:
         bpy.ops.leafcloud.pick(index=99)
 
 
+@pytest.mark.night
 @pytest.mark.usefixtures("_selected")
 def test_a_bake_after_a_curve_reports_prediction_and_measurement(tmp_path: Path) -> None:
     bpy.ops.leafcloud.curve()
@@ -294,6 +297,7 @@ def test_a_bake_after_a_curve_reports_prediction_and_measurement(tmp_path: Path)
     assert shown[baked + 1].startswith("Level 1: ")
 
 
+@pytest.mark.night
 @pytest.mark.usefixtures("_selected")
 def test_the_panel_predicts_only_settings_that_the_curve_measured() -> None:
     bpy.ops.leafcloud.curve()
@@ -309,6 +313,7 @@ def test_the_panel_predicts_only_settings_that_the_curve_measured() -> None:
     assert panel.expected(settings).endswith(panel.describe(last.offers[-1]))
 
 
+@pytest.mark.night
 @pytest.mark.usefixtures("_selected")
 def test_the_panel_predicts_only_the_levels_of_the_plan(tmp_path: Path) -> None:
     """For a camera among the leaves, the plan keeps only level 1."""
@@ -328,6 +333,7 @@ def test_the_panel_predicts_only_the_levels_of_the_plan(tmp_path: Path) -> None:
     assert report["predicted"]["seconds"]["predicted"] == near["seconds"]
 
 
+@pytest.mark.night
 @pytest.mark.usefixtures("_selected")
 def test_an_offer_keeps_the_aspect_ratio_of_the_atlas() -> None:
     settings = bpy.context.scene.leafcloud

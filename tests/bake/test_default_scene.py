@@ -104,6 +104,7 @@ def test_the_plan_uses_the_lights_of_the_scene(camera: bpy.types.Object) -> None
     assert rows["far_levels"].reason.startswith("the camera stands still, and the viewer may be anywhere")
 
 
+@pytest.mark.night
 def test_the_command_line_notes_the_camera_s_effect_in_one_line(camera: bpy.types.Object, tmp_path: Path) -> None:
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     source = saved(tmp_path / "garden.blend")

@@ -102,6 +102,7 @@ def test_triangles_are_those_of_leaves_and_trunk_unless_blending_splits_them(
         assert level["drawing"]["written_triangles"] == level["triangles"] + level["trunk_triangles"]
 
 
+@pytest.mark.night
 def test_a_small_tree_has_the_triangles_that_make_its_level_1_cheaper() -> None:
     """The 500 triangles of the default budget are not enough for the shrub's 672 cards."""
     level = report_in(kept("--epsilon", 0.04, "--pixels", 8))["levels"][1]
@@ -120,6 +121,7 @@ def test_a_tree_of_one_leaf_needs_no_levels(tmp_path: Path) -> None:
     assert "the tree needs no levels" in done.stderr
 
 
+@pytest.mark.night
 def test_every_level_is_made_on_request(tmp_path: Path) -> None:
     leaf = write_quad_glb(tmp_path / "leaf.glb")
     report = bake(leaf, tmp_path / "out", "--texture-size", 64, "--every-level")

@@ -19,6 +19,7 @@ from typing import Any
 import bpy
 import pytest
 from dumps import dump
+from night import rest_at_night
 from plan_scenes import add_crown, add_light, principled
 from scenes import add_mesh, bake, read
 
@@ -223,7 +224,12 @@ def test_every_effect_has_an_entry_in_this_file() -> None:
     assert tuple(sorted(EFFECTS_APART)) == tuple(sorted(EFFECTS))
 
 
-@pytest.mark.parametrize("effect", [name for name in EFFECTS if EFFECTS_APART[name].modules])
+WITH_CODE = [name for name in EFFECTS if EFFECTS_APART[name].modules]
+BY_DAY = ("transitions", "pruning", "wind", "leaf_map")
+"""One effect for each way of the code: in node groups, in the order of leaves, in a scene, in textures."""
+
+
+@pytest.mark.parametrize("effect", rest_at_night(sorted(WITH_CODE, key=lambda name: name not in BY_DAY), len(BY_DAY)))
 def test_an_effect_that_is_off_calls_no_code_and_leaves_no_trace(
     effect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -16,6 +16,7 @@ from command_line import refusal, refusal_apart, run_apart
 from hostile_blends import blend_cases
 from hostile_files import Case, gltf_cases, obj_cases
 from hostile_masses import mass_cases
+from night import rest_at_night
 
 from addon.errors import SceneError
 from addon.mesh.extract import extract
@@ -167,7 +168,7 @@ def test_a_million_instances_are_refused(folder: Path, tmp_path: Path) -> None:
     ("name", "words"),
     [
         ("blend mass subdivision 11", "more than 1 GiB of memory"),
-        ("blend 25000000 instances", "more than 1 GiB of memory"),
+        pytest.param("blend 25000000 instances", "more than 1 GiB of memory", marks=pytest.mark.night),
         ("blend mass 10⁹ children", "the bake crashed"),
     ],
 )
@@ -201,7 +202,7 @@ def test_the_size_of_an_image_is_read_from_its_start(form: str, suffix: str, tmp
     assert declared_size(path.read_bytes()) == (137, 121)
 
 
-@pytest.mark.parametrize("name", ["blend driver", "blend script"])
+@pytest.mark.parametrize("name", rest_at_night(["blend driver", "blend script"]))
 def test_a_bake_runs_no_script_of_a_file(name: str, folder: Path, tmp_path: Path) -> None:
     source = CASES[name].write(folder)
     done = run_apart("--input", source, "--out", tmp_path / "out", "--texture-size", 64, "--levels", 1)

@@ -178,6 +178,7 @@ def test_a_broken_file_is_refused_in_one_line(
     assert said.count("\n") == 1
 
 
+@pytest.mark.night
 def test_each_tree_of_a_file_is_checked_alone(shrub: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = tmp_path / "bush.glb"
     shutil.copy(shrub, other)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from command_line import BAKE, QUICK
+from night import rest_at_night
 
 ANSWER_SECONDS = 5.0
 """Maximum seconds between signal and exit. On an idle machine the exit takes less than one."""
@@ -58,8 +59,11 @@ def seconds(shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> float:
 
 
 MOMENTS = [
-    *(pytest.param(signal.SIGINT, number / 20.0, marks=[pytest.mark.night] * (number % 2)) for number in range(21)),
-    *((signal.SIGTERM, share) for share in (0.0, 0.3, 0.6)),
+    *(
+        pytest.param(signal.SIGINT, number / 20.0, marks=[pytest.mark.night] * (number % 10 > 0))
+        for number in range(21)
+    ),
+    *rest_at_night((signal.SIGTERM, share) for share in (0.3, 0.0, 0.6)),
 ]
 
 
@@ -93,6 +97,7 @@ def wait_for(pattern: str, folder: Path, process: subprocess.Popen[str]) -> None
         time.sleep(0.001)
 
 
+@pytest.mark.night
 def test_an_interrupted_bake_removes_the_folders_it_made(shrub: Path, tmp_path: Path) -> None:
     process = start(shrub, tmp_path / "new" / "out", tmp_path / "temporary")
     wait_for("new/out/.leafcloud-*", tmp_path, process)
@@ -104,11 +109,13 @@ def test_an_interrupted_bake_removes_the_folders_it_made(shrub: Path, tmp_path: 
 
 @pytest.mark.parametrize(
     "pattern",
-    [
-        "temporary/leafcloud-bake-*",
-        "out/.leafcloud-*/*_LOD0.glb",
-        pytest.param("out/.leafcloud-*/*.blend", marks=pytest.mark.night),
-    ],
+    rest_at_night(
+        [
+            "temporary/leafcloud-bake-*",
+            "out/.leafcloud-*/*_LOD0.glb",
+            pytest.param("out/.leafcloud-*/*.blend", marks=pytest.mark.night),
+        ]
+    ),
 )
 def test_the_bake_after_a_killed_one_removes_all_that_it_left(pattern: str, shrub: Path, tmp_path: Path) -> None:
     out, temporary = tmp_path / "out", tmp_path / "temporary"

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from bakes import folder_of, kept
 from command_line import QUICK, report_in
+from night import rest_at_night
 
 import leafcloud
 
@@ -69,7 +70,7 @@ def test_each_texture_of_a_level_is_stored_as_png_and_ktx2(files: Path) -> None:
         assert transfer(file) == codes
 
 
-@pytest.mark.parametrize("effects", ["none", "blend_order"])
+@pytest.mark.parametrize("effects", rest_at_night(["none", "blend_order"]))
 def test_a_page_that_is_not_square_has_all_mip_levels(effects: str) -> None:
     shape = ("--levels", 1, "--no-cross", "--texture-height", 64, "--effects", effects)
     document, binary = document_of(kept(*QUICK, "--engine", "three", *shape) / "shrub_LOD1.glb")
@@ -116,6 +117,7 @@ def test_missing_channels_and_odd_sizes_are_refused() -> None:
         odd.ktx2("base_color")
 
 
+@pytest.mark.night
 def test_pages_with_sizes_that_gltf_forbids_stay_png() -> None:
     """The side 132 is a multiple of 4, the side 66 is not."""
     folder = kept("--engine", "three", "--texture-size", 132, "--epsilon", 0.1, "--every-level")

@@ -142,6 +142,7 @@ def mean_color(pixels: Pixels) -> NDArray[np.float32]:
 # Another season
 
 
+@pytest.mark.night
 def test_a_level_with_autumn_images_matches_autumn_leaves(tmp_path: Path) -> None:
     """The mean color matches within 2%, each pixel within 5%. Summer leaves differ much more."""
     summer, autumn = baked(SUMMER, "leaf_map"), baked(AUTUMN, "none")
@@ -155,6 +156,7 @@ def test_a_level_with_autumn_images_matches_autumn_leaves(tmp_path: Path) -> Non
     assert np.abs(before - expected).mean() > 0.5 * light
 
 
+@pytest.mark.night
 def test_later_levels_have_a_leaf_map_too(tmp_path: Path) -> None:
     """Level 2 is baked from level 1 and is coarser, so only its mean color is compared."""
     summer, autumn = (baked(colors, "leaf_map", levels=2) for colors in (SUMMER, AUTUMN))

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from command_line import bake_apart, refusal
 
+pytestmark = pytest.mark.night
+
 FLAGS = ("--texture-size", 256, "--epsilon", 0.1, "--levels", 1, "--every-level", "--effects", "none", "--no-cross")
 
 Bake = tuple[Path, dict[str, Any]]

@@ -196,6 +196,7 @@ def test_another_file_beside_the_results_is_baked(shrub: Path, tmp_path: Path) -
     assert run("--input", file, "--out", tmp_path / "out", *QUICK, "--levels", 1).returncode == 0
 
 
+@pytest.mark.night
 def test_a_name_that_is_no_utf_8_is_baked(shrub: Path, tmp_path: Path) -> None:
     file = tmp_path / "b\udce4um.glb"
     file.write_bytes(shrub.read_bytes())

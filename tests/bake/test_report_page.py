@@ -195,6 +195,7 @@ def timeless(text: str) -> list[str]:
     return lines
 
 
+@pytest.mark.night
 def test_a_shorter_chain_leaves_no_flights_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
     bake(shrub, tmp_path, *QUICK, "--levels", 2)
     report = bake(shrub, tmp_path, *QUICK, "--levels", 1)

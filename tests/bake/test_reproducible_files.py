@@ -16,6 +16,8 @@ from typing import Any
 import pytest
 from glb import read_chunks
 
+pytestmark = pytest.mark.night
+
 ROOT = Path(__file__).resolve().parents[2]
 FLAGS = ("--texture-size", "128", "--epsilon", "0.1", "--every-level", "--engine", "three", "--compress")
 OLD_PROCESSOR = "glibc.cpu.hwcaps=-AVX512F,-AVX2,-AVX,-FMA,-FMA4,-BMI2"

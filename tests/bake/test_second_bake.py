@@ -10,6 +10,7 @@ import bpy
 import pytest
 from command_line import bake, refusal_apart, run_apart, saved
 from lod_scenes import add_camera
+from night import rest_at_night
 from scenes import add_mesh, import_part, read
 
 from addon.errors import SceneError
@@ -49,7 +50,7 @@ def shown() -> dict[str, tuple[bool, bool]]:
     return {obj.name: (obj.visible_get(), obj.hide_render) for obj in bpy.context.scene.objects}
 
 
-@pytest.mark.parametrize("last", ["cross", "octahedral"])
+@pytest.mark.parametrize("last", rest_at_night(["cross", "octahedral"]))
 def test_a_second_bake_replaces_the_first(sources: list[bpy.types.Object], last: str) -> None:
     bpy.context.scene.leafcloud.last = last
     bpy.ops.leafcloud.bake()
@@ -96,6 +97,7 @@ def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.ty
         stop_preview()
 
 
+@pytest.mark.night
 def test_a_bake_of_a_selected_level_bakes_its_sources(sources: list[bpy.types.Object]) -> None:
     bpy.context.scene.leafcloud.every_level = True
     bpy.ops.leafcloud.bake()
@@ -115,6 +117,7 @@ def test_a_bake_of_a_selected_level_bakes_its_sources(sources: list[bpy.types.Ob
     assert names() == before
 
 
+@pytest.mark.night
 def test_a_level_can_be_planned_and_measured(sources: list[bpy.types.Object]) -> None:
     bpy.ops.leafcloud.bake()
     seen = shown()
@@ -306,6 +309,7 @@ def test_the_folder_property_accepts_relative_paths() -> None:
 # Another file
 
 
+@pytest.mark.night
 def test_opening_a_file_clears_plan_status_and_curve(sources: list[bpy.types.Object], tmp_path: Path) -> None:
     from addon.ui import measured
 
@@ -325,6 +329,7 @@ def test_opening_a_file_clears_plan_status_and_curve(sources: list[bpy.types.Obj
         assert measured.told() == ()
 
 
+@pytest.mark.night
 def test_a_shorter_chain_removes_the_files_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
     out, quick = tmp_path / "out", ("--texture-size", 64, "--epsilon", 0.2, "--quality", 0.1)
     bake(shrub, out, *quick, "--levels", 2)

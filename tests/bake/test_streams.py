@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from command_line import BAKE, QUICK, ROOT
+from night import rest_at_night
 
 STREAMS = ["2>&-", ">&-", "<&- >&- 2>&-", ">/dev/full", "2>/dev/full"]
 
@@ -23,7 +24,7 @@ def is_complete(out: Path) -> bool:
     return {file.name for file in out.iterdir()} == set(json.loads((out / "report.json").read_text())["files"])
 
 
-@pytest.mark.parametrize("streams", STREAMS)
+@pytest.mark.parametrize("streams", rest_at_night(STREAMS))
 def test_a_bake_without_streams_writes_all_files(streams: str, shrub: Path, tmp_path: Path) -> None:
     assert status(streams, "--input", shrub, "--out", tmp_path / "out", *QUICK, "--levels", 1) == 0
     assert is_complete(tmp_path / "out")

@@ -237,6 +237,7 @@ def test_work_can_be_cancelled() -> None:
     assert job.done
 
 
+@pytest.mark.night
 def test_refusals_of_the_core_name_the_tree() -> None:
     red_and_blue()
     prepared = prepare_tree_set(read_trees(), BakeSettings(**SMALL, seconds=1e-6), bpy.context.view_layer)

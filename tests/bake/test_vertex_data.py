@@ -18,6 +18,7 @@ from browser import ask
 from command_line import QUICK, bake, report_in, saved
 from glb import read_chunks, read_glb
 from godot import read_as_godot
+from night import rest_at_night
 from node_trees import new_material
 from numpy.typing import NDArray
 from scenes import add_mesh, import_part
@@ -141,7 +142,7 @@ def test_each_number_is_stored_once(engine: str, folders: dict[str, Path]) -> No
     assert len({document["accessors"][number]["bufferView"] for number in still}) == 1
 
 
-@pytest.mark.parametrize("chain", ["billboards", "both"])
+@pytest.mark.parametrize("chain", rest_at_night(["billboards", "both"]))
 def test_files_without_pruning_store_no_ranks(chain: str) -> None:
     """At the default epsilon the shrub's leaves are too large for `both`: level 1 takes over before any is pruned."""
     folder = kept(*QUICK, "--levels", 1, "--epsilon", 0.04, "--chain", chain)
@@ -154,7 +155,7 @@ def test_every_engine_has_its_form() -> None:
     assert set(BY_NAME) | set(BY_COORDINATES) == set(ENGINES)
 
 
-@pytest.mark.parametrize("engine", [*BY_NAME, *BY_COORDINATES])
+@pytest.mark.parametrize("engine", rest_at_night(["generic", "godot", *BY_NAME[1:], "babylon", "unity", "unreal"], 2))
 def test_engines_get_the_form_that_their_importers_keep(
     engine: str, shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:

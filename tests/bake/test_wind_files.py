@@ -265,6 +265,7 @@ def test_a_bake_without_wind_calls_no_code_of_the_wind(
 # The forest
 
 
+@pytest.mark.night
 def test_a_forest_sways(shrub: Path) -> None:
     """Pruned variants sway, too. All trees of a variant sway alike. Without wind, variants lack its attributes."""
     load(shrub)

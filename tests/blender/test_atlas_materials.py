@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
+import pytest
 
 from addon.levels.material import BENT_NORMAL_NODE, Page, atlas_image, atlas_material
+
+pytestmark = pytest.mark.version
 
 
 def test_the_atlas_is_packed_and_keeps_its_pixels() -> None:

@@ -31,6 +31,8 @@ from addon.scene import light
 from addon.settings.bake import BakeSettings
 from addon.settings.effects import EFFECTS
 
+pytestmark = pytest.mark.version
+
 SKY = (0.2, 0.3, 0.4)
 GREEN = (0.1, 0.3, 0.05)
 

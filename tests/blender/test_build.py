@@ -25,6 +25,8 @@ from addon.plan.schedule import Schedule
 from addon.steps import all_steps
 from addon.versions import get_modifier_input
 
+pytestmark = pytest.mark.version
+
 MIRROR = np.diag([-2.0, 2.0, 2.0, 1.0])
 FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 

@@ -14,6 +14,7 @@ import pytest
 from command_line import bake as bake_file
 from command_line import refusal
 from lod_scenes import FOUR, build, evaluate, many_leaves, place, points_of, store
+from night import rest_at_night
 from node_trees import new_image, new_material, texture_node
 from numpy.typing import NDArray
 from renders import render
@@ -299,7 +300,7 @@ def test_files_have_the_leaves_own_colours(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("chain", "methods"), [("both", ["leaves", "stochastic", "cross"]), ("pruning", ["leaves", "cross"])]
+    ("chain", "methods"), rest_at_night([("both", ["leaves", "stochastic", "cross"]), ("pruning", ["leaves", "cross"])])
 )
 def test_chains_bake_from_the_command_line(
     chain: str, methods: list[str], shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]

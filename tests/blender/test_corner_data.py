@@ -15,6 +15,8 @@ from small_glb import png, write_quad_glb
 from addon.material.describe import texture_uvs
 from addon.scene.load import load
 
+pytestmark = pytest.mark.version
+
 WHITE = png([[(255, 255, 255, 255)]])
 
 

@@ -13,6 +13,8 @@ from small_glb import png
 from addon.material.describe import describe_material
 from addon.material.surface import read_surface
 
+pytestmark = pytest.mark.version
+
 TOP = [(255, 0, 0, 255), (0, 255, 0, 128)]
 BOTTOM = [(0, 0, 255, 0), (188, 100, 50, 64)]
 IMAGE = png([TOP, BOTTOM])

@@ -16,6 +16,8 @@ from addon.geometry import world_positions
 from addon.mesh.extract import extract
 from addon.scene.load import load
 
+pytestmark = pytest.mark.version
+
 
 def scatter_group(source: bpy.types.Object | None, scale: tuple[float, float, float] = (1, 1, 1)) -> bpy.types.NodeTree:
     """Return geometry nodes that replace every point by an instance of `source`, or of a cube without a source."""

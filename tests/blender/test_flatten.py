@@ -19,6 +19,8 @@ from addon.material.surface import read_surface
 from addon.material.textures import Texture
 from addon.mesh.extract import extract
 
+pytestmark = pytest.mark.version
+
 QUARTERS = [[(1, 0, 0, 1), (0, 1, 0, 1)], [(0, 0, 1, 1), (1, 1, 1, 0)]]
 """The upper row first: red, green; blue, nothing."""
 

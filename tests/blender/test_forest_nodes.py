@@ -27,6 +27,8 @@ from addon.nodes.forest import GROUP_NAME, ForestSettings, add_forest_modifier, 
 from addon.settings.bake import BakeSettings
 from addon.versions import set_corner_normals
 
+pytestmark = pytest.mark.version
+
 
 class Instance(NamedTuple):
     variant: str

@@ -19,6 +19,8 @@ from addon.export.glb_file import Glb
 from addon.export.translucency import DIFFUSE_TRANSMISSION
 from addon.settings.bake import BakeSettings
 
+pytestmark = pytest.mark.version
+
 
 def empty() -> Glb:
     return Glb({"asset": {"version": "2.0"}, "buffers": [{}], "bufferViews": [], "accessors": []}, bytearray())

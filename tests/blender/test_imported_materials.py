@@ -17,6 +17,8 @@ from addon.material.describe import describe_material
 from addon.material.surface import read_surface
 from addon.scene.load import load
 
+pytestmark = pytest.mark.version
+
 TOP = [(255, 0, 0, 255), (0, 255, 0, 128)]
 BOTTOM = [(0, 0, 255, 0), (188, 100, 50, 64)]
 IMAGE = png([TOP, BOTTOM])

@@ -17,6 +17,8 @@ from addon.errors import SceneError
 from addon.mesh.extract import extract
 from addon.scene.load import load
 
+pytestmark = pytest.mark.version
+
 TRIANGLE_OBJ = "o leaves\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 

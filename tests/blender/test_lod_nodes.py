@@ -34,6 +34,8 @@ from addon.nodes.laws import NEVER
 from addon.nodes.lod import GROUP_NAME, LodSettings, add_lod_modifier, lod_group, set_manual
 from addon.versions import set_corner_normals, set_modifier_input
 
+pytestmark = pytest.mark.version
+
 
 def expected_points(leaves: Leaves, *, transition: float, keep: float) -> Floats:
     """Return the expected points of the kept leaves, in the order of the mesh."""

@@ -12,6 +12,7 @@ from command_line import QUICK
 from command_line import bake as bake_files
 from glb import read_chunks, read_glb, read_scene
 from mathutils import Euler, Matrix, Vector
+from night import rest_at_night
 from octahedral import Impostor, shown
 from renders import render
 from scenes import add_mesh, bake, import_part, read
@@ -23,6 +24,8 @@ from addon.mesh.baked_levels import EXTRAS, plain_mesh
 from addon.settings.bake import BakeSettings
 from addon.settings.setting import SettingsError
 from addon.viewport.corners import parts_of
+
+pytestmark = pytest.mark.version
 
 SIDE, GRID = 32, 4
 SHAPE: dict[str, Any] = {"levels": 1, "epsilon": 0.1, "quality": 0.1, "texture_size": 128, "last": "octahedral"}
@@ -52,8 +55,8 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("place", PLACES)
-@pytest.mark.parametrize("rotation", [(1.2, 0.0, 0.4), (0.6, 0.0, 2.5), (2.0, 0.0, -1.0)])
+@pytest.mark.parametrize("place", rest_at_night(sorted(PLACES, reverse=True)))
+@pytest.mark.parametrize("rotation", rest_at_night([[1.2, 0.0, 0.4], [0.6, 0.0, 2.5], [2.0, 0.0, -1.0]]))
 def test_cycles_draws_it_by_the_law(
     shrub: Path, tmp_path: Path, place: str, rotation: tuple[float, float, float]
 ) -> None:

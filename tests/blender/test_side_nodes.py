@@ -19,6 +19,8 @@ from addon.levels.mesh import polygon_faces
 from addon.levels.sides import add_sides, back_polygons, two_sided_material
 from addon.nodes.sides import add_side_modifier
 
+pytestmark = pytest.mark.version
+
 SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
 RED, BLUE = (200, 20, 10), (10, 20, 200)
 FRONT_UV = np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]], np.float32)

@@ -13,6 +13,8 @@ from scenes import SQUARE, add_mesh
 
 from addon.export.gltf import export_collection
 
+pytestmark = pytest.mark.version
+
 
 def mapped_material(uv_map: str) -> bpy.types.Material:
     material, principled, tree = new_material()

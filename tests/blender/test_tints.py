@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from night import rest_at_night
 from node_trees import new_image, new_material, texture_node
 from renders import render
 from scenes import SQUARE, add_mesh
@@ -84,7 +85,7 @@ def shown(described: Descriptions, row: int, column: int) -> np.ndarray:
     return linear if described.colors is None else linear * described.colors[:, 0, :3]
 
 
-@pytest.mark.parametrize("count", [2, 5, 40])
+@pytest.mark.parametrize("count", rest_at_night([2, 5, 40]))
 def test_leaves_of_two_colours(count: int) -> None:
     """Neither color is a tint of the other, so both are rendered. Many random numbers share 16 renders."""
     randoms = ((np.arange(count) * 0.618 + 0.3) % 1.0).tolist()

@@ -250,6 +250,7 @@ def test_a_trunk_of_few_triangles_beside_its_leaves_stays_whole() -> None:
     assert left(383, 4 * 384).triangles < 384, "the limit comes first"
 
 
+@pytest.mark.night
 def test_levels_never_have_more_triangles_than_the_one_before() -> None:
     """A scale of 2 gives the tube a radius of 2, because pixels are lengths in world space."""
     matrix = np.diag([2.0, 2.0, 2.0, 1.0])

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from addon import versions
 
+pytestmark = pytest.mark.version
+
 FREE_NORMALS = bpy.app.version >= (4, 5, 0)
 
 

@@ -17,6 +17,7 @@ import pytest
 from browser import ask
 from engine_views import bundle, pictures
 from laws import Floats
+from night import rest_at_night
 from PIL import Image
 
 TEXELS = 64
@@ -138,7 +139,7 @@ def decoded(shares: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("samples", [False, True], ids=["one_sample", "multisampled"])
-@pytest.mark.parametrize("renderer", ["webgl", "webgl2", "webgpu", "babylon"])
+@pytest.mark.parametrize("renderer", rest_at_night(["webgl", "babylon", "webgpu", "webgl2"], 2))
 def test_a_billboard_covers_the_share_that_its_alpha_says(files: dict[int, Path], renderer: str, samples: bool) -> None:
     if renderer == "webgpu":
         lacking = ask("tests/browser/three_webgpu.html", {"renderer": renderer}, patience=60.0)["lacking"]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bakes import folder_of
 from engine_views import code_of, for_babylon, forest_file, forest_of, hand_overs, levels_of, pictures, triangles
+from night import rest_at_night
 
 SIDE = 256
 COUNT = 48
@@ -36,7 +37,7 @@ def forest(tree: Path, **question: Any) -> list[dict[str, Any]]:
     return pictures("babylon", tree, **asked)
 
 
-@pytest.mark.parametrize("left_handed", [False, True])
+@pytest.mark.parametrize("left_handed", rest_at_night([False, True]))
 def test_a_forest_looks_like_its_trees_drawn_one_by_one(tree: Path, left_handed: bool) -> None:
     """All levels are in view. Trees are turned, scaled and blown; the fades of levels and the pruning agree, too."""
     common = {"settings": {"seconds": 3.7, "wind": 6.0}, "leftHanded": left_handed}
@@ -50,6 +51,7 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(tree: Path, left_handed:
         assert any(picture["counts"][number] > 0 for picture in together)
 
 
+@pytest.mark.night
 def test_levels_are_drawn_by_distance_and_save_triangles(tree: Path) -> None:
     """Each tree counts in the level for its distance; trees that fade count in both."""
     levels = levels_of(tree)
@@ -123,6 +125,7 @@ const copies = places.map((place) => {
 """
 
 
+@pytest.mark.night
 def test_a_forest_casts_the_shadows_of_its_trees(tree: Path) -> None:
     radius = levels_of(tree)[0].extras["leafcloud"]["radius"]
     view = {"eye": [5.0 * radius, 14.0 * radius, 2.0 * radius], "target": [0.0, 0.0, -8.0 * radius], "fov": 60.0}
@@ -140,6 +143,7 @@ def test_a_forest_casts_the_shadows_of_its_trees(tree: Path) -> None:
     assert (dark[0] != dark[1]).mean() < 0.2 * dark[1].mean()
 
 
+@pytest.mark.night
 def test_a_forest_stands_where_its_file_says(tree: Path) -> None:
     """In both of Babylon.js's systems of axes. The left-handed one has the file's x-axis turned around."""
     radius = levels_of(tree)[0].extras["leafcloud"]["radius"]

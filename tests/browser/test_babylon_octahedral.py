@@ -10,6 +10,7 @@ import pytest
 from bakes import folder_of
 from engine_views import code_of, for_babylon, levels_of, pictures
 from laws import Floats
+from night import rest_at_night
 from octahedral import unit
 from octahedral_pictures import SIDE, by_the_law, impostor_in
 
@@ -35,7 +36,7 @@ def moved(points: Floats) -> Floats:
     return 2.0 * points @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T + [3.0, -1.0, 2.0]
 
 
-@pytest.mark.parametrize(("code", "left_handed"), [("", False), (MOVED, False), ("", True)])
+@pytest.mark.parametrize(("code", "left_handed"), rest_at_night([("", False), (MOVED, False), ("", True)]))
 def test_it_is_drawn_by_the_law(tree: Path, code: str, left_handed: bool) -> None:
     level = levels_of(tree)[LAST]
     extras = level.extras["leafcloud"]
@@ -80,6 +81,7 @@ tree.root.getChildMeshes().forEach((mesh) => shadows.addShadowCaster(mesh, false
 """
 
 
+@pytest.mark.night
 def test_its_shadow_is_that_of_the_leaves(tree: Path) -> None:
     """The camera is above the tree, the sun beside: in the shadow map the quad faces the sun."""
     radius = levels_of(tree)[0].extras["leafcloud"]["radius"]

@@ -51,6 +51,7 @@ def coverage(found: list[dict[str, Any]]) -> int:
     return sum(int((picture["pixels"][..., 3] > 0).sum()) for picture in found)
 
 
+@pytest.mark.night
 def test_hand_overs_keep_the_coverage(tree: Path) -> None:
     errors = {}
     for transcoder in (None, TRANSCODER):
@@ -67,6 +68,7 @@ def test_hand_overs_keep_the_coverage(tree: Path) -> None:
     assert max(errors[TRANSCODER]) < 0.12
 
 
+@pytest.mark.night
 def test_ktx2_covers_as_much_as_png(tree: Path) -> None:
     """Mip levels in KTX2 bend alpha for readers with a cutoff. The package undoes it."""
     distance = hand_overs(levels_of(tree))[0]

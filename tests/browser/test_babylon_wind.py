@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from engine_views import bundle, pictures
 from laws import Air, Floats, blown, fluttered
+from night import rest_at_night
 from numpy.typing import NDArray
 from small_glb import write_glb
 
@@ -145,12 +146,14 @@ tree.root.position.set(...PLACE);
 
 @pytest.mark.parametrize(
     ("transition", "angle", "place", "left_handed"),
-    [
-        (0.0, 0.0, (0.0, 0.0, 0.0), False),
-        (0.4, 0.0, (0.0, 0.0, 0.0), False),
-        (0.4, 0.8, (0.3, -0.2, 0.0), False),
-        (0.4, 0.0, (0.0, 0.0, 0.0), True),
-    ],
+    rest_at_night(
+        [
+            (0.4, 0.8, (0.3, -0.2, 0.0), False),
+            (0.0, 0.0, (0.0, 0.0, 0.0), False),
+            (0.4, 0.0, (0.0, 0.0, 0.0), False),
+            (0.4, 0.0, (0.0, 0.0, 0.0), True),
+        ]
+    ),
 )
 def test_leaves_and_trunk_follow_the_law(
     tmp_path: Path, transition: float, angle: float, place: tuple[float, float, float], left_handed: bool
@@ -186,6 +189,7 @@ tree.root.getChildMeshes().forEach((mesh) => shadows.addShadowCaster(mesh, false
 """
 
 
+@pytest.mark.night
 def test_shadows_move_with_the_leaves_and_the_trunk(tmp_path: Path) -> None:
     """The sun throws the squares onto a wall; their shadows lie where the law says."""
     file = write_tree(tmp_path / "tree.glb", 0.4)

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
+from night import rest_at_night
 from node_trees import math_node, new_image, new_material, texture_node
 from numpy.typing import NDArray
 from preview_pictures import preview_pictures
@@ -169,7 +170,7 @@ EFFECTS = {
 }
 
 
-@pytest.mark.parametrize("effects", EFFECTS.values(), ids=EFFECTS)
+@pytest.mark.parametrize("effects", rest_at_night(EFFECTS.values()), ids=EFFECTS)
 def test_effects_that_change_materials_are_previewed(effects: str, shrub: Path, tmp_path: Path) -> None:
     """Cameras look from in front and from behind."""
     baked = baked_shrub(shrub, effects=effects, levels=1)
@@ -182,6 +183,7 @@ def test_effects_that_change_materials_are_previewed(effects: str, shrub: Path, 
     compare(tmp_path, cameras, within=0.04)
 
 
+@pytest.mark.night
 def test_baked_light_is_previewed(shrub: Path, tmp_path: Path) -> None:
     """Levels emit their baked light, the leaves a color for each side. The trunk has the light of the view."""
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
@@ -194,6 +196,7 @@ def test_baked_light_is_previewed(shrub: Path, tmp_path: Path) -> None:
     compare(tmp_path, cameras, within=0.04)
 
 
+@pytest.mark.night
 def test_pruned_leaves_are_previewed_with_their_contrast(shrub: Path, tmp_path: Path) -> None:
     baked = baked_shrub(shrub, chain="pruning", levels=1)
     leaves = baked.levels[0].object
@@ -222,8 +225,8 @@ def patches(colors: NDArray[np.float64]) -> list[list[tuple[float, ...]]]:
     return np.dstack([even, np.ones(even.shape[:2])]).tolist()
 
 
-@pytest.mark.parametrize("mirrored", [False, True])
-@pytest.mark.parametrize("double_sided", [False, True])
+@pytest.mark.parametrize("mirrored", rest_at_night([False, True]))
+@pytest.mark.parametrize("double_sided", rest_at_night([False, True]))
 def test_own_materials_of_leaves_are_previewed(mirrored: bool, double_sided: bool, tmp_path: Path) -> None:
     """The camera sees the front of one card and the back of the other.
 

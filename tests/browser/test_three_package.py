@@ -61,6 +61,7 @@ def test_a_forest_looks_like_its_trees_drawn_one_by_one(three_bake: Path) -> Non
         assert one["calls"] < other["calls"]
 
 
+@pytest.mark.night
 def test_a_forest_of_octahedral_impostors_looks_like_single_ones(octahedral_bake: Path) -> None:
     """All trees are far away. Single ones are blended; in the forest they are cut out: their order does not matter."""
     level = levels_of(octahedral_bake / "shrub.glb")[-1]
@@ -127,6 +128,7 @@ renderer.setAnimationLoop(() => (tree.update(camera), renderer.render(scene, cam
 """
 
 
+@pytest.mark.night
 def test_one_of_several_trees_is_read(shrub: Path, tmp_path: Path) -> None:
     (tmp_path / "bush.glb").write_bytes(shrub.read_bytes())
     out = tmp_path / "out"

@@ -15,6 +15,7 @@ from browser import ask
 from engine_views import DIRECTION, ENGINES, ROWS, code_of, forest_of, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
 from laws import Floats
+from night import rest_at_night
 from numpy.typing import NDArray
 
 import leafcloud
@@ -27,7 +28,7 @@ TURNED = (0.7, 0.0, 0.9, 0.1, 0.0, 1.14, 0.0, 0.05, -0.9, 0.0, 0.7, 0.0, 0.0, 0.
 """The place of one tree of a forest: turned about the vertical axis, scaled by 1.14 and moved."""
 
 
-@pytest.fixture(scope="module", params=["webgl2", "webgpu"])
+@pytest.fixture(scope="module", params=rest_at_night(["webgpu", "webgl2"]))
 def backend(request: pytest.FixtureRequest) -> str:
     """Return a backend of WebGPURenderer. Skip the test if Chromium lacks it."""
     name = str(request.param)

@@ -52,6 +52,7 @@ def test_one_level_is_shown_at_all_distances(folder: Path) -> None:
     assert levels_from(folder, [2.0, 30.0, 1000.0], level=1) == [1, 1, 1]
 
 
+@pytest.mark.night
 def test_the_lod_distance_moves_all_levels(folder: Path) -> None:
     distances = [2.0 * 1.2**i for i in range(40)]
     plain = levels_from(folder, distances)

@@ -123,6 +123,7 @@ def test_limits_hold_on_workers(studio: Studio, scheduler: str) -> None:
     assert "not done after 0.02 minutes" in studio.rows["ash"]["reason"]
 
 
+@pytest.mark.night
 def test_a_stopped_batch_ends_its_bakes(studio: Studio, scheduler: str, tmp_path: Path) -> None:
     mark = tmp_path / "process"
     studio.add("ash", f"slow {mark}")
@@ -137,6 +138,7 @@ def test_a_stopped_batch_ends_its_bakes(studio: Studio, scheduler: str, tmp_path
     assert studio.run("--scheduler", scheduler) == 0
 
 
+@pytest.mark.night
 def test_an_address_without_a_scheduler_is_told(studio: Studio, capsys: pytest.CaptureFixture[str]) -> None:
     studio.add("ash")
     assert main(studio.arguments("--scheduler", "tcp://127.0.0.1:9")) == 1

@@ -79,6 +79,7 @@ def test_it_is_drawn_by_the_law(level: leafcloud.OctahedralLevel, direction: tup
     assert solid.mean() > 0.2
 
 
+@pytest.mark.night
 def test_the_transform_is_that_of_the_trees_coordinates() -> None:
     """A tree that is moved, turned, mirrored and scaled has the same impostor; only its transform differs."""
     turn = np.array([[0.0, -3.0, 0.0], [-3.0, 0.0, 0.0], [0.0, 0.0, 3.0]])

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from night import rest_at_night
 
 import leafcloud
 from leafcloud import Foliage, LeafcloudError, Material
@@ -109,7 +110,7 @@ def test_a_job_has_an_answer_before_its_end(foliage: Foliage) -> None:
     assert job.best.max_deviation <= 0.04
 
 
-@pytest.mark.parametrize("most", [4, 5, 8])
+@pytest.mark.parametrize("most", rest_at_night([4, 5, 8]))
 def test_polygons_are_convex_and_have_at_most_as_many_corners_as_asked(foliage: Foliage, most: int) -> None:
     chain = leafcloud.build_chain(foliage, epsilon=0.1, texture_size=256, levels=2, max_corners=most)
     first, second, cross = chain.levels
@@ -137,7 +138,7 @@ def test_polygons_are_convex_and_have_at_most_as_many_corners_as_asked(foliage: 
         assert len(set(second.cloud.parents[owners == billboard])) == 1
 
 
-@pytest.mark.parametrize("wished", [12, 40, 200])
+@pytest.mark.parametrize("wished", rest_at_night([12, 40, 200]))
 def test_a_wished_number_of_triangles_is_met(foliage: Foliage, wished: int) -> None:
     [level] = leafcloud.build_chain(foliage, levels=1, cross=False, triangles=wished).levels
     assert level.triangles <= wished

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from test_wheel_interrupts import output_of
 
 SHORT_CALLS = """
@@ -39,6 +40,7 @@ os._exit(0)
 """
 
 
+@pytest.mark.night
 def test_a_short_call_takes_a_small_part_of_a_long_job() -> None:
     """The job takes minutes, a short call some milliseconds.
 

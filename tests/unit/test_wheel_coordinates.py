@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from night import rest_at_night
 from numpy.typing import NDArray
 
 import leafcloud
@@ -74,7 +75,7 @@ def in_world(matrix: Array) -> Foliage:
     return Foliage(moved, triangles[:, order], materials=values["materials"], **per_corner)
 
 
-@pytest.fixture(scope="module", params=MATRICES)
+@pytest.fixture(scope="module", params=rest_at_night(sorted(MATRICES, reverse=True), 2))
 def pair(request: pytest.FixtureRequest) -> tuple[Array, Foliage, Foliage, leafcloud.Chain, leafcloud.Chain]:
     """The matrix, the foliage with it and without, and the chain of each."""
     matrix = MATRICES[request.param]

@@ -211,7 +211,12 @@ def output_of(script: str) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("name", LONG_CALLS)
+AT_NIGHT = ("ktx2", "Curve.picture", "quick cost_curve", "Foliage of many arrays")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.night] * (name in AT_NIGHT)) for name in LONG_CALLS]
+)
 def test_an_interrupt_stops_a_call_within_a_second(name: str) -> None:
     """Uninterrupted calls take many seconds."""
     outcome, _, seconds = output_of(LONG_CALLS[name] + INTERRUPTED).rpartition(" after ")

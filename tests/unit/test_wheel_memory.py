@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 import pytest
+from night import rest_at_night
 from test_wheel_interrupts import output_of
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -80,7 +81,7 @@ def call():
 }
 
 
-@pytest.mark.parametrize("name", LARGE_RESULTS)
+@pytest.mark.parametrize("name", rest_at_night(LARGE_RESULTS, 2))
 def test_memory_returns_after_large_results(name: str) -> None:
     held, left = map(int, output_of(LARGE_RESULTS[name] + MEASURED).split())
     assert held > LEAST_HELD
@@ -102,6 +103,7 @@ def call():
 """
 
 
+@pytest.mark.night
 def test_memory_returns_after_simplifying() -> None:
     """The result is small; the work needs memory."""
     measured = MEASURED.replace("held = resident()", "held = 1024 * result")
