@@ -15,7 +15,7 @@ from addon.settings.effects import EFFECTS
 from addon.ui import job_operator
 from addon.ui.properties import bake_settings, leaf_names
 
-pytestmark = pytest.mark.usefixtures("registered")
+pytestmark = [pytest.mark.usefixtures("registered"), pytest.mark.version]
 
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
 
