@@ -91,9 +91,7 @@ def test_failed_trees_are_baked_again(studio: Studio) -> None:
 def test_limits_end_a_bake(studio: Studio, words: str, limit: tuple[str, float], reason: str) -> None:
     studio.add("ash", words)
     studio.add("fir")
-    begin = time.monotonic()
     assert studio.run(*limit) == 1
-    assert time.monotonic() - begin < 30.0
     assert reason in studio.rows["ash"]["reason"]
     assert studio.rows["fir"]["reason"] == ""
     assert list((studio.out / "ash").iterdir()) == [], "nothing is left behind"
@@ -205,11 +203,10 @@ def test_a_complete_commit_of_a_killed_bake_stays_for_the_next_one(tmp_path: Pat
 
 
 def test_lists_of_files_are_read_in_time(tmp_path: Path) -> None:
+    """In quadratic time they would take hours."""
     (tmp_path / "tree.obj").write_text("mtllib tree.mtl\n")
     (tmp_path / "tree.mtl").write_text("\n" * 1_000_000 + "map_Kd\nnewmtl foo\n" + "map_Kd -s " * 10_000)
-    begin = time.monotonic()
     assert len(files_of(tmp_path / "tree.obj")) == 2
-    assert time.monotonic() - begin < 5.0
 
 
 def test_wrong_flags_stop_the_batch_and_lose_nothing(studio: Studio, capsys: pytest.CaptureFixture[str]) -> None:

@@ -199,9 +199,7 @@ def test_the_bake_dies_with_its_guard(start: Start) -> None:
     bake = bake_of(process)
     process.kill()
     process.communicate(timeout=60)
-    end = time.monotonic() + 30.0
-    while lives(bake):
-        assert time.monotonic() < end
+    while lives(bake):  # The time-out of pytest ends the test of a bake that lives on.
         time.sleep(0.01)
 
 
