@@ -66,6 +66,10 @@ test-night: setup environments .venv/.test $(CORE)/.installed ## run all tests: 
 	$(if $(BLENDER),$(MAKE) test-interface)
 	$(if $(GODOT),$(MAKE) test-godot)
 
+.PHONY: mutants
+mutants: ## put faults into the sources, one after the other, and tell whether make test finds them (two hours)
+	@$$(tools/prerequisites.sh --find-python) tools/mutants.py
+
 .PHONY: test-times
 test-times: ## print where the time of the last tests went: phases, the sixty slowest tests, files
 	@$$(tools/prerequisites.sh --find-python) tools/test_times.py
@@ -131,7 +135,7 @@ endif
 lint: .venv/.blender .venv/.lint ## check formatting, lints and types of all sources
 	@tools/prerequisites.sh rust lint
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets -- --deny warnings
+	cargo clippy $(CHECKED) --workspace --all-targets -- --deny warnings
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
