@@ -14,4 +14,4 @@ PYTHONPATH=$(cd "$(dirname "$0")/.." && pwd)/target/core${PYTHONPATH:+:$PYTHONPA
 export PYTHONPATH LEAFCLOUD_TIMES=${environment##*/}
 blender=$("$environment/bin/python" -c 'from importlib.metadata import version; print(version("bpy"))')
 echo "leafcloud: testing in Blender $blender" >&2
-exec timeout --kill-after=10 9000 "$environment/bin/python" -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder "$@"
+exec timeout --kill-after=10 9000 "$environment/bin/python" -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder "$@"

@@ -330,7 +330,8 @@ def test_the_fitters_options_reach_the_files(
     assert gltf_issues(*tmp_path.glob("*.glb")) == []
 
 
-@pytest.mark.parametrize("method", rest_at_night([["density"], ["kmeans", "--max-billboards", 16]]))
+@pytest.mark.night
+@pytest.mark.parametrize("method", [["density"], ["kmeans", "--max-billboards", 16]])
 def test_other_methods_bake(method: list[object]) -> None:
     report = report_in(kept(*QUICK, "--method", *method))
     assert [level["method"] for level in report["levels"][1:3]] == [method[0]] * 2

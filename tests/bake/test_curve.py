@@ -67,6 +67,7 @@ def test_no_row_is_better_than_a_row_on_the_front(curve: leafcloud.Curve) -> Non
     assert [row["front"] for row in curve.rows] == [not b for b in beaten]
 
 
+@pytest.mark.night
 def test_offers_and_presets_can_be_built(crown: leafcloud.Foliage, curve: leafcloud.Curve) -> None:
     predicted = [(o["predicted"]["seconds"], -o["predicted"]["image_error"]) for o in curve.offers]
     assert predicted == sorted(predicted)

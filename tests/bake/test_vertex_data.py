@@ -142,7 +142,8 @@ def test_each_number_is_stored_once(engine: str, folders: dict[str, Path]) -> No
     assert len({document["accessors"][number]["bufferView"] for number in still}) == 1
 
 
-@pytest.mark.parametrize("chain", rest_at_night(["billboards", "both"]))
+@pytest.mark.night
+@pytest.mark.parametrize("chain", ["billboards", "both"])
 def test_files_without_pruning_store_no_ranks(chain: str) -> None:
     """At the default epsilon the shrub's leaves are too large for `both`: level 1 takes over before any is pruned."""
     folder = kept(*QUICK, "--levels", 1, "--epsilon", 0.04, "--chain", chain)

@@ -119,6 +119,7 @@ def test_the_report_counts_the_trunk_beside_each_level(baked: Path) -> None:
     assert counts[0] > counts[1] >= counts[2] > counts[3] == 0
 
 
+@pytest.mark.night
 def test_each_of_several_trees_has_its_own_chain(shrub: Path, tmp_path: Path) -> None:
     (tmp_path / "bush.glb").write_bytes(shrub.read_bytes())
     quick = ("--texture-size", 128, "--epsilon", 0.1, "--quality", 0.1, "--levels", 1, "--effects", "transitions")

@@ -31,8 +31,6 @@ from addon.scene import light
 from addon.settings.bake import BakeSettings
 from addon.settings.effects import EFFECTS
 
-pytestmark = pytest.mark.version
-
 SKY = (0.2, 0.3, 0.4)
 GREEN = (0.1, 0.3, 0.05)
 

@@ -25,8 +25,6 @@ from addon.settings.bake import BakeSettings
 from addon.settings.setting import SettingsError
 from addon.viewport.corners import parts_of
 
-pytestmark = pytest.mark.version
-
 SIDE, GRID = 32, 4
 SHAPE: dict[str, Any] = {"levels": 1, "epsilon": 0.1, "quality": 0.1, "texture_size": 128, "last": "octahedral"}
 

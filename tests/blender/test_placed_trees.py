@@ -17,7 +17,7 @@ from addon.mesh.baked_levels import level_number
 from addon.nodes.laws import LOD_DISTANCE
 from addon.versions import get_modifier_input, set_modifier_input, source_of_input
 
-pytestmark = [pytest.mark.usefixtures("registered"), pytest.mark.version]
+pytestmark = pytest.mark.usefixtures("registered")
 
 RADII = (1.0, 100.0, 132.0, 150.0, 165.0, 190.0, 220.0, 400.0)
 """Distances of the camera in radii of the tree. Level 1 takes over at 128, level 2 at 160, the cross at 200."""
@@ -387,6 +387,7 @@ def test_a_second_mark_is_the_same_asset(baked: bpy.types.Collection) -> None:
     assert len([obj for obj in bpy.data.objects if obj.asset_data is not None]) == 1
 
 
+@pytest.mark.night
 def test_a_scene_of_many_trees_draws_placed_trees_too(baked: bpy.types.Collection) -> None:
     bpy.context.scene.leafcloud.chain = "both"
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}

@@ -23,8 +23,6 @@ from addon.plan.effects import plan_effects
 from addon.plan.facts import Facts
 from addon.settings.bake import BakeSettings
 
-pytestmark = pytest.mark.version
-
 MANY_LEAVES = Facts("three", leaves=5000, triangles=20_000)
 
 

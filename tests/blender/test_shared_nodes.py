@@ -25,8 +25,6 @@ from addon.material.shading import read_shading
 from addon.material.surface import principled_of, read_surface
 from addon.material.translucency import read_translucency
 
-pytestmark = pytest.mark.version
-
 LEVELS = 40
 MOST_CALLS = 100_000
 """Far more than 40 nodes need, far less than 2⁴⁰."""

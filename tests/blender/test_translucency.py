@@ -27,8 +27,6 @@ from addon.material.textures import Texture
 from addon.material.translucency import Translucent, read_translucency, translucent_of
 from addon.settings.bake import BakeSettings
 
-pytestmark = pytest.mark.version
-
 GREEN, YELLOW = (0.1, 0.3, 0.05), (0.3, 0.5, 0.1)
 """What the leaves reflect, and what shines through them."""
 

@@ -80,6 +80,7 @@ def test_levels_are_drawn_by_distance_and_save_triangles(tree: Path) -> None:
         assert picture["triangles"] < full["triangles"]
 
 
+@pytest.mark.night
 def test_the_forest_follows_the_camera_and_new_places(tree: Path) -> None:
     """The second picture of the same page is that of a page which shows nothing else."""
     views = views_of(tree)

@@ -107,6 +107,7 @@ def same_as_png(tree: Path, transcoder: str) -> bool:
     return all(np.array_equal(one["pixels"], other["pixels"]) for one, other in pairs)
 
 
+@pytest.mark.night
 def test_without_a_transcoder_the_png_textures_are_drawn(tree: Path) -> None:
     assert not same_as_png(tree, TRANSCODER)
     assert same_as_png(tree, "/nowhere/")

@@ -17,7 +17,6 @@ from command_line import bake
 from engine_views import ROWS, bundle, hand_overs, levels_of, pictures, sphere_of
 from glb import rewritten
 from laws import Floats
-from night import rest_at_night
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -93,7 +92,8 @@ def flicker(found: NDArray[np.float64]) -> float:
     return float((one != other).sum() / one.sum())
 
 
-@pytest.mark.parametrize("renderer", rest_at_night(["webgl", "webgl2", "webgpu", "babylon"]))
+@pytest.mark.night
+@pytest.mark.parametrize("renderer", ["webgl", "webgl2", "webgpu", "babylon"])
 def test_thin_leaves_neither_dissolve_nor_flicker(striped: Path, renderer: str) -> None:
     if renderer == "webgpu":
         lacking = ask("tests/browser/three_webgpu.html", {"renderer": renderer}, patience=60.0)["lacking"]

@@ -173,7 +173,7 @@ def test_a_forest_looks_as_with_webgl(backend: str, pruned_bake: Path) -> None:
         assert picture["calls"] == other["calls"] + 1
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", rest_at_night([0, 1]))
 def test_an_octahedral_impostor_looks_as_with_webgl(backend: str, octahedral_bake: Path, number: int) -> None:
     """As a tree it is blended, in a forest cut out."""
     file = octahedral_bake / "shrub.glb"
@@ -209,7 +209,7 @@ def shaded_bake() -> Path:
     return folder_of("three shaded")
 
 
-@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("number", rest_at_night([0, 1]))
 def test_trees_get_shadows_from_themselves(backend: str, shaded_bake: Path, tmp_path: Path, number: int) -> None:
     """Shadow maps and self-shadowing; without the texture of self-shadowing the pictures differ more."""
     file = shaded_bake / "shrub.glb"

@@ -20,6 +20,7 @@ from glb import Node, read_glb
 from laws import KNOTS, Floats, drawn_share, ramp, transition, trend
 from lod_scenes import add_camera
 from mathutils import Euler, Matrix, Vector
+from night import rest_at_night
 from viewing import PAGE, PATIENCE, Pruning, apart, attribute, by_leaf, drawn_by_nodes, drawn_by_shader, pivots_of
 
 from addon.mesh.meshes import PROTECT
@@ -100,7 +101,7 @@ BY_BOUND = ("--pixels", "8")
 """Flags for LOD distances by the error bound: the tree then prunes long before level 1 takes over."""
 
 
-@pytest.fixture(scope="module", params=["as it is", "moved", "moved and pruned"])
+@pytest.fixture(scope="module", params=rest_at_night(["as it is", "moved and pruned", "moved"], 2))
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The last bake prunes leaves and protects one of them. The others keep all leaves until level 1 takes over."""
     folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")

@@ -144,6 +144,7 @@ def test_a_wished_number_of_triangles_is_met(foliage: Foliage, wished: int) -> N
     assert level.triangles <= wished
 
 
+@pytest.mark.night
 def test_pages_fit_themselves_unless_a_size_is_given(foliage: Foliage) -> None:
     shape: dict[str, Any] = {"levels": 1, "cross": False, "epsilon": 0.1}
     [level] = leafcloud.build_chain(foliage, **shape).levels

@@ -75,7 +75,7 @@ def in_world(matrix: Array) -> Foliage:
     return Foliage(moved, triangles[:, order], materials=values["materials"], **per_corner)
 
 
-@pytest.fixture(scope="module", params=rest_at_night(sorted(MATRICES, reverse=True), 2))
+@pytest.fixture(scope="module", params=rest_at_night(sorted(MATRICES, reverse=True)))
 def pair(request: pytest.FixtureRequest) -> tuple[Array, Foliage, Foliage, leafcloud.Chain, leafcloud.Chain]:
     """The matrix, the foliage with it and without, and the chain of each."""
     matrix = MATRICES[request.param]
@@ -159,6 +159,7 @@ def test_renders_are_of_the_world(pair: Any) -> None:
     np.testing.assert_array_equal(leafcloud.render([own], **view), leafcloud.render([moved], **view))
 
 
+@pytest.mark.night
 def test_the_trunk_may_have_a_matrix_of_its_own() -> None:
     positions, triangles, values = tree()
     matrix = MATRICES["mirrored"]
