@@ -44,9 +44,8 @@ bake: setup ## bake a tree: make bake INPUT=tree.glb OUT=out ARGS='--epsilon 0.0
 	.venv/bin/python bake.py --input "$(INPUT)" --out "$(OUT)" $(ARGS)
 
 .PHONY: test
-test: .venv/.batch .venv/.test $(CORE)/.installed .venv-supply/.installed $(NODE_MODULES) ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
+test: .venv/.batch .venv/.test $(CORE)/.installed target/.rust-tested .venv-supply/.installed $(NODE_MODULES) ## run the tests of Rust and of Python in Blender 4.5 (ARGS='-k name' for pytest)
 	@tools/prerequisites.sh chromium
-	tools/phase.sh "Rust's tests" cargo test --workspace --tests $(CHECKED)
 	tools/phase.sh "Python's tests in Blender 4.5" tools/run_tests.sh .venv -m 'not night' $(ARGS)
 
 # What depends on Blender's version, and one whole bake.
@@ -257,6 +256,11 @@ $(CORE)/.installed: $(RUST_SOURCES) .venv/.build
 	@rm -rf $(CORE) target/checked
 	tools/phase.sh "compile the core" .venv/bin/maturin build --locked --interpreter .venv/bin/python --out target/checked
 	@.venv/$(PIP_INSTALL) --no-deps --target $(CORE) target/checked/leafcloud-*.whl
+	@touch $@
+
+# The tests of Rust run again when something that they read has changed.
+target/.rust-tested: $(RUST_SOURCES) $(wildcard shaders/*.glsl examples/*.glb)
+	tools/phase.sh "Rust's tests" cargo test --workspace --tests $(CHECKED)
 	@touch $@
 
 # npm writes this target itself.

@@ -195,6 +195,7 @@ def blended(file: Path, folder: Path) -> Path:
     return rewritten(file, folder / "blended.glb", edit)
 
 
+@pytest.mark.night
 def test_blended_leaves_look_as_with_webgl(backend: str, three_bake: Path, tmp_path: Path) -> None:
     file = blended(three_bake / "shrub.glb", tmp_path)
     views = [near(file) | at_rest(level) for level in (0, 1, 2)]
