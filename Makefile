@@ -259,7 +259,7 @@ $(CORE)/.installed: $(RUST_SOURCES) .venv/.build
 	@touch $@
 
 # The tests of Rust run again when something that they read has changed.
-target/.rust-tested: $(RUST_SOURCES) $(wildcard shaders/*.glsl examples/*.glb)
+target/.rust-tested: $(RUST_SOURCES) $(wildcard examples/*.glb)
 	tools/phase.sh "Rust's tests" cargo test --workspace --tests $(CHECKED)
 	@touch $@
 

@@ -34,7 +34,7 @@ PROCESSOR = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--use-we
 """SwiftShader needs no graphics card and renders the same everywhere."""
 CARD = ("--use-angle=gl-egl", "--ignore-gpu-blocklist")
 """The graphics card by EGL, which needs no display. By Vulkan an NVIDIA H100 lost its context in the first picture."""
-START = 30.0
+START = 100.0
 """Maximum seconds until Chromium has started, or opened a page."""
 
 
