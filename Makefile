@@ -56,7 +56,7 @@ test-versions: .venv-4.2/.test .venv-5.0/.test $(CORE)/.installed ## run the tes
 
 # The release build has to give the same bytes as that of the tests (tools/same_bytes.sh).
 .PHONY: test-night
-test-night: setup environments .venv/.test $(CORE)/.installed ## run all tests: also measured trees, large inputs, many repetitions, and whole suites in Blender 4.2 and 5.0 (two hours)
+test-night: setup environments .venv/.test .venv/.fidelity $(CORE)/.installed ## run all tests: also measured trees, large inputs, many repetitions, and whole suites in Blender 4.2 and 5.0 (two hours)
 	tools/phase.sh "Rust's tests" cargo test --workspace --tests $(CHECKED) -- --include-ignored
 	tools/phase.sh "the same bytes" tools/same_bytes.sh
 	tools/phase.sh "Python's tests in Blender 4.5" tools/run_tests.sh .venv tests bench
@@ -71,7 +71,7 @@ mutants: ## put faults into the sources, one after the other, and tell whether m
 
 .PHONY: test-times
 test-times: ## print where the time of the last tests went: phases, the sixty slowest tests, files
-	@$$(tools/prerequisites.sh --find-python) tools/test_times.py
+	@$$(tools/prerequisites.sh --find-python) tools/print_times.py
 
 .PHONY: environments
 environments: .venv-4.2/.test .venv-5.0/.test .venv-supply/.installed $(NODE_MODULES) ## download the other environments and packages of the tests
@@ -209,11 +209,6 @@ $(1)/.blender: tools/requirements/blender-$(2).txt
 $(1)/.test: tools/requirements/test.txt $(1)/.blender
 	@tools/environment.sh $(1) $$<
 	@touch $$@
-
-$(1)/.wheel: $(WHEELS)/.built $(1)/.blender
-	@$(1)/$(PIP_INSTALL) --force-reinstall --no-deps $(WHEELS)/leafcloud-*.whl
-	@$(1)/bin/python -c "import bpy, leafcloud"
-	@touch $$@
 endef
 $(eval $(call environment,.venv,4.5))
 $(eval $(call environment,.venv-4.2,4.2))
@@ -245,7 +240,11 @@ $(eval $(call environment,.venv-5.0,5.0))
 	@tools/environment.sh .venv $<
 	@touch $@
 
-# One wheel for all Blenders.
+.venv/.wheel: $(WHEELS)/.built .venv/.blender
+	@.venv/$(PIP_INSTALL) --force-reinstall --no-deps $(WHEELS)/leafcloud-*.whl
+	@.venv/bin/python -c "import bpy, leafcloud"
+	@touch $@
+
 $(WHEELS)/.built: $(RUST_SOURCES) .venv/.build
 	@rm -f $(WHEELS)/leafcloud-*.whl
 	.venv/bin/maturin build --release --interpreter .venv/bin/python --out $(WHEELS)
@@ -259,7 +258,7 @@ $(CORE)/.installed: $(RUST_SOURCES) .venv/.build
 	@touch $@
 
 # The tests of Rust run again when something that they read has changed.
-target/.rust-tested: $(RUST_SOURCES) $(wildcard examples/*.glb)
+target/.rust-tested: $(RUST_SOURCES) $(wildcard examples/*.glb) .venv/.blender
 	tools/phase.sh "Rust's tests" cargo test --workspace --tests $(CHECKED)
 	@touch $@
 

@@ -12,5 +12,9 @@ mkdir -p "$folder"
 begin=$(date +%s.%N)
 "$@"
 status=$?
+# A phase that runs again replaces its record.
+if [ -f "$folder/phases.tsv" ]; then
+    awk -F '\t' -v name="$name" '$1 != name' "$folder/phases.tsv" >"$folder/phases.tmp" && mv "$folder/phases.tmp" "$folder/phases.tsv"
+fi
 printf '%s\t%s\t%s\n' "$name" "$(echo "$(date +%s.%N) $begin" | awk '{printf "%.1f", $1 - $2}')" "$status" >>"$folder/phases.tsv"
 exit $status

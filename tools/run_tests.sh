@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Runs pytest in an environment, two test files at a time: a test seldom uses more than one core.
+# Runs pytest in an environment, three test files at a time: a test seldom uses more than one core, and some wait.
 #
 #   tools/run_tests.sh ENVIRONMENT PYTEST_ARGUMENT…
 #
 # The core is that in target/core, which has checks (`make target/core/.installed`).
-# Files stay in their order, slow ones (tests/bake) first: at the end, short files keep both processes busy.
+# Files stay in their order, slow ones (tests/bake) first: at the end, short files keep all processes busy.
 # The time limit ends a Blender that hangs when it exits; no limit inside pytest can.
 set -euo pipefail
 environment=$1

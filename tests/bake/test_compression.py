@@ -17,7 +17,6 @@ import leafcloud
 from addon.export.compression import exponents_of
 from leafcloud._glb import GlbFile
 
-EFFECTS = ("--effects", "transitions,pruning,wind", "--last", "cross")
 COORDINATE, DIRECTION = 2.0**-17, 1.0 / 254.0
 
 

@@ -247,7 +247,6 @@ def drawn() -> list[tuple[str, str]]:
     return found
 
 
-@pytest.mark.night
 @pytest.mark.usefixtures("_selected")
 def test_the_panel_measures_a_curve_and_applies_an_offer() -> None:
     assert [kind for kind, _ in drawn()] == ["leafcloud.curve", "prop", "prop"]

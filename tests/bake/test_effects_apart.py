@@ -226,7 +226,7 @@ def test_every_effect_has_an_entry_in_this_file() -> None:
 
 WITH_CODE = [name for name in EFFECTS if EFFECTS_APART[name].modules]
 BY_DAY = ("transitions", "pruning", "wind", "leaf_map")
-"""One effect for each way of the code: in node groups, in the order of leaves, in a scene, in textures."""
+"""Effects that run by day: one in node groups, one in the order of leaves, one in a scene, one in textures."""
 
 
 @pytest.mark.parametrize("effect", rest_at_night(sorted(WITH_CODE, key=lambda name: name not in BY_DAY), len(BY_DAY)))

@@ -34,7 +34,7 @@ print("FOUND " + json.dumps(found), flush=True)
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the zip from the add-on and the wheel of `make setup`. Blender's tool validates it. Return its path."""
+    """Build the zip from the add-on and the wheel of `make test`. Blender's tool validates it. Return its path."""
     wheels = list((ROOT / "target" / "checked").glob("leafcloud-*.whl"))
     assert len(wheels) == 1, "make test builds exactly one wheel"
     command = [sys.executable, "tools/build_extension.py", "--wheel", str(wheels[0])]

@@ -26,7 +26,6 @@ from viewing import PAGE, PATIENCE
 
 from addon.settings.choices import ENGINES
 
-EFFECTS = "transitions,pruning,trunk_levels,wind"
 BY_NAME = ("generic", "three", "bevy")
 BY_COORDINATES = ("babylon", "godot", "unity", "unreal")
 PRUNING = ("--chain", "both", "--prune-pixels", "24")

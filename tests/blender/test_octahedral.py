@@ -53,7 +53,7 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("place", rest_at_night(sorted(PLACES, reverse=True)))
+@pytest.mark.parametrize("place", rest_at_night(["turned and scaled", "as it is", "mirrored"]))
 @pytest.mark.parametrize("rotation", rest_at_night([[1.2, 0.0, 0.4], [0.6, 0.0, 2.5], [2.0, 0.0, -1.0]]))
 def test_cycles_draws_it_by_the_law(
     shrub: Path, tmp_path: Path, place: str, rotation: tuple[float, float, float]

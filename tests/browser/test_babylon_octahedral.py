@@ -81,7 +81,6 @@ tree.root.getChildMeshes().forEach((mesh) => shadows.addShadowCaster(mesh, false
 """
 
 
-@pytest.mark.night
 def test_its_shadow_is_that_of_the_leaves(tree: Path) -> None:
     """The camera is above the tree, the sun beside: in the shadow map the quad faces the sun."""
     radius = levels_of(tree)[0].extras["leafcloud"]["radius"]

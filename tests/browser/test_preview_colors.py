@@ -170,7 +170,6 @@ EFFECTS = {
 }
 
 
-@pytest.mark.night
 @pytest.mark.parametrize("effects", rest_at_night(EFFECTS.values()), ids=EFFECTS)
 def test_effects_that_change_materials_are_previewed(effects: str, shrub: Path, tmp_path: Path) -> None:
     """Cameras look from in front and from behind."""

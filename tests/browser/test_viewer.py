@@ -104,9 +104,9 @@ BY_BOUND = ("--pixels", "8")
 @pytest.fixture(scope="module", params=rest_at_night(["as it is", "moved and pruned", "moved"], 2))
 def baked(request: pytest.FixtureRequest, shrub: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The last bake prunes leaves and protects one of them. The others keep all leaves until level 1 takes over."""
-    folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "as it is":
         return folder_of("leaves pruned")
+    folder, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("shrub")
     if request.param == "moved":
         bake(moved(shrub, folder), out, *QUICK, "--effects=+pruning")
     else:

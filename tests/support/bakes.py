@@ -17,14 +17,16 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import command_line
+import numpy as np
 from command_line import BAKE, QUICK, ROOT, bake, report_in
 
 import leafcloud
 
 SHRUB = ROOT / "examples" / "shrub.glb"
 KEPT = ROOT / "target" / "bakes"
-STATES = 4
-"""States whose bakes are kept: one for each Blender, and one before the last change."""
+STATES = 6
+"""States whose bakes are kept: one for each Blender, and some before the last changes."""
 
 _MOVING = "--effects=+transitions,+pruning,+wind"
 _SHADED = "--effects=+transitions,+normals,+occlusion,+self_shadowing"
@@ -72,6 +74,8 @@ def kept(*flags: object) -> Path:
             shutil.rmtree(made, ignore_errors=True)  # Of a run that was ended.
             bake(SHRUB, made, *flags)
             made.rename(out)
+        found = {file.name for file in out.iterdir()}
+        assert found == set(report_in(out)["files"]), f"a test has written into {out}: remove the folder"
     return out
 
 
@@ -80,13 +84,14 @@ def _state() -> str:
     """Return a digest of all that decides what a bake writes. Remove the bakes of older states."""
     package = Path(leafcloud.__file__).parent
     sources = [BAKE, SHRUB, *sorted((ROOT / "addon").rglob("*.py")), *sorted(package.rglob("*.*"))]
+    sources += [Path(__file__), Path(command_line.__file__), *sorted(Path(__file__).parent.glob("kept_*.py"))]
     contents = [each.read_bytes() for each in sources if "__pycache__" not in each.parts]
-    state = _digest(bpy.app.version_string.encode(), *contents)
+    state = _digest(bpy.app.version_string.encode(), np.__version__.encode(), *contents)
     (KEPT / state).mkdir(parents=True, exist_ok=True)
     (KEPT / state).touch()
     with _locked(KEPT / "lock"):
         for old in sorted(KEPT.glob("*/"), key=lambda each: each.stat().st_mtime)[:-STATES]:
-            shutil.rmtree(old)
+            shutil.rmtree(old, ignore_errors=True)
     return state
 
 

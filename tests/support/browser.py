@@ -6,9 +6,12 @@ A process starts Chromium once for all its pages. A page that does not answer en
 from __future__ import annotations
 
 import atexit
+import ctypes
 import json
 import queue
+import signal
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -71,6 +74,11 @@ class _Handler(SimpleHTTPRequestHandler):
         self.send_response(204)
         self.end_headers()
 
+    def end_headers(self) -> None:
+        """Keep nothing: other pages have other files at the same address."""
+        self.send_header("Cache-Control", "no-store")
+        super().end_headers()
+
     def log_message(self, format: str, *args: Any) -> None:
         """Log nothing."""
 
@@ -93,6 +101,7 @@ def ask(
         browser.end()
         raise
     if "error" in answer:
+        browser.end()  # Perhaps it has lost its graphics, and would draw no other page.
         raise BrowserError(f"{page} failed: {answer['error']}")
     return answer
 
@@ -108,13 +117,21 @@ def _first(answers: queue.Queue[bytes], browser: subprocess.Popen[bytes], patien
     raise BrowserError(f"the page did not answer within {patience:.0f} s")
 
 
+def _end_with_parent() -> None:
+    """Let the system end this process when its parent is killed."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)  # PR_SET_PDEATHSIG
+
+
 class _Browser:
     """A Chromium with a temporary profile. Its pages are opened and closed by the HTTP side of DevTools."""
 
     def __init__(self, drawn_by: Sequence[str]) -> None:
         self._profile = tempfile.TemporaryDirectory(prefix="leafcloud-chromium-", ignore_cleanup_errors=True)
         command = [*CHROMIUM, *drawn_by, f"--user-data-dir={self._profile.name}", "about:blank"]
-        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=_end_with_parent
+        )
         self._port = self._wait_for_port()
 
     def _wait_for_port(self) -> int:

@@ -18,8 +18,8 @@ import pytest
 import leafcloud
 from addon.bake import part, pipeline
 
-MOST = 32
-"""Chains that a process keeps: some MB each."""
+MOST_CHAINS, MOST_KEYS = 32, 1000
+"""Chains and keys that a process keeps: some MB for a chain, with the objects of the core some for a key."""
 
 _fresh = False
 _chains: OrderedDict[str, leafcloud.Chain] = OrderedDict()
@@ -33,16 +33,13 @@ class Ended:
     stage, fraction, done = "bake", 1.0, True
 
     def __init__(self, chain: leafcloud.Chain) -> None:
-        self._chain, self._cancelled = chain, False
         self.best = chain
 
     def cancel(self) -> None:
-        self._cancelled = True
+        """Do nothing."""
 
     def result(self, timeout: float | None = None) -> leafcloud.Chain:
-        if self._cancelled:
-            raise leafcloud.CancelledError("cancelled")
-        return self._chain
+        return self.best
 
 
 class Watched:
@@ -56,13 +53,13 @@ class Watched:
 
     def result(self, timeout: float | None = None) -> leafcloud.Chain:
         chain = self._job.result(timeout)
-        _remember(_chains, self._key, chain)
+        _remember(_chains, self._key, chain, MOST_CHAINS)
         return chain
 
 
-def _remember(store: OrderedDict[Any, Any], key: Any, value: Any) -> None:
+def _remember(store: OrderedDict[Any, Any], key: Any, value: Any, most: int) -> None:
     store[key] = value
-    while len(store) > MOST:
+    while len(store) > most:
         store.popitem(last=False)
 
 
@@ -83,7 +80,9 @@ def _key(value: object) -> str:
 def _with_key(make: Callable[..., Any]) -> Callable[..., Any]:
     def made(*arguments: Any, **options: Any) -> Any:
         result = make(*arguments, **options)
-        _remember(_keys, id(result), (result, hashlib.sha256(_key([arguments, options]).encode()).hexdigest()))
+        _remember(
+            _keys, id(result), (result, hashlib.sha256(_key([arguments, options]).encode()).hexdigest()), MOST_KEYS
+        )
         return result
 
     return made
@@ -119,6 +118,6 @@ def _kept_chains() -> Iterator[None]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Note whether the test, and the fixtures that it is the first to need, build their own chains."""
+    """Keep no chain during a test marked `fresh_chains` and during the fixtures that are made for it."""
     global _fresh
     _fresh = item.get_closest_marker("fresh_chains") is not None

@@ -17,20 +17,21 @@ import pytest
 from addon.nodes import forest, laws, lod, octahedral, points, scene, sides, wind
 
 _folder = tempfile.TemporaryDirectory(prefix="leafcloud-groups-")
-_files: dict[tuple[str, str, int], Path] = {}
+_files: dict[tuple[object, ...], Path] = {}
+"""The file of each group, by its name, key, layout and builders: a test may replace a builder."""
 _build = laws.group_of_layout
 
 
 def _group_of_layout(
     name: str, key: str, layout: int, *steps: Callable[[bpy.types.NodeTree], None], kind: str = "GeometryNodeTree"
 ) -> bpy.types.NodeTree:
-    """Do as `laws.group_of_layout` does."""
+    """Return the group that `laws.group_of_layout` would return."""
     known = any(tree.library is None and tree.get(key) == layout for tree in bpy.data.node_groups)
-    file = _files.get((name, key, layout))
+    file = _files.get((name, key, layout, *steps))
     if known or file is None:
         tree = _build(name, key, layout, *steps, kind=kind)
         if not known and not any(node.bl_idname.endswith("NodeGroup") for node in tree.nodes):
-            file = _files[name, key, layout] = Path(_folder.name) / f"{len(_files)}.blend"
+            file = _files[name, key, layout, *steps] = Path(_folder.name) / f"{len(_files)}.blend"
             bpy.data.libraries.write(str(file), {tree})
         return tree
     before = set(bpy.data.libraries)

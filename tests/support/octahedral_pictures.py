@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +28,13 @@ def _page(file: Path, key: str) -> Floats:
     [index] = [reference[key]["index"] for reference in references if key in reference]
     view = document["bufferViews"][document["images"][document["textures"][index]["source"]]["bufferView"]]
     start = view.get("byteOffset", 0)
-    path = file.with_name(f"{key}.png")
-    path.write_bytes(binary[start : start + view["byteLength"]])
-    image = bpy.data.images.load(str(path))
-    image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
-    pixels = np.empty(4 * math.prod(image.size), np.float32)
-    image.pixels.foreach_get(pixels)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{key}.png"
+        path.write_bytes(binary[start : start + view["byteLength"]])
+        image = bpy.data.images.load(str(path))
+        image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+        pixels = np.empty(4 * math.prod(image.size), np.float32)
+        image.pixels.foreach_get(pixels)
     return np.rint(pixels.reshape(*image.size, 4)[::-1].astype(float) * 255.0)
 
 

@@ -69,8 +69,8 @@ pub fn check_process(process: u32) -> Result<(), Failure> {
 const FORKED: &str =
     "the work was started before this process was forked, and runs in its parent only; start it again in this process";
 
-/// An end of a channel to a thread of this process. A forked child has no such thread, and perhaps a message that is half written: the child
-/// would wait for its other half forever, also when it only drops the end. So it may neither use nor drop it.
+/// One end of a channel. After a fork the child has no thread at the other end, and a message may be incomplete. Using or dropping the end would
+/// wait for its rest forever, so the child forgets the end.
 pub struct OfThisProcess<T> {
     end: Option<T>,
     process: u32,

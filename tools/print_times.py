@@ -1,7 +1,7 @@
 """Prints where the time of the last run of the tests went: `make test-times`.
 
-Phases come from tools/phase.sh, tests from tests/support/times.py; both write into target/times. With two processes
-the tests of a phase take twice its time.
+Phases come from tools/phase.sh, tests from tests/support/times.py; both write into target/times. Several processes run
+at once: the tests of a phase take longer than the phase.
 """
 
 from __future__ import annotations
@@ -35,6 +35,12 @@ def main() -> None:
     files: dict[str, list[float]] = {}
     for seconds, test, _ in tests:
         files.setdefault(test.split("::")[0], []).append(seconds)
+    folders: dict[str, float] = {}
+    for seconds, test, _ in tests:
+        folders[test.rsplit("/", 1)[0]] = folders.get(test.rsplit("/", 1)[0], 0.0) + seconds
+    print("\nseconds  folder of tests")
+    for name, of_folder in folders.items():
+        print(f"{of_folder:7.1f}  {name}")
     print("\nseconds  tests  file")
     for name, all_seconds in sorted(files.items(), key=lambda each: sum(each[1]), reverse=True)[:SLOWEST]:
         print(f"{sum(all_seconds):7.1f}  {len(all_seconds):5}  {name}")
