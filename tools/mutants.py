@@ -128,6 +128,8 @@ def main(names: list[str]) -> int:
     """Try the faults of these names, or all. Print a line for each."""
     if subprocess.run(["git", "diff", "--quiet", "HEAD"], cwd=ROOT, check=False).returncode != 0:
         sys.exit("leafcloud: the working tree has changes: commit them first.")
+    if subprocess.run(["make", "test"], cwd=ROOT, capture_output=True, check=False).returncode != 0:
+        sys.exit("leafcloud: the tests fail without a fault: mend them first.")
     missed = 0
     for name in names or FAULTS:
         begin = time.monotonic()
