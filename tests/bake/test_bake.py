@@ -407,7 +407,7 @@ def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple
     assert np.abs(pairs[0][..., 5:] - pairs[1][..., 5:]).max() < 0.02
 
 
-@pytest.mark.fresh_chains
+@pytest.mark.fresh
 def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple[Path, dict[str, Any]]) -> None:
     first, report = baked
     again = bake(shrub, tmp_path, "--texture-size", 256, "--effects=+pruning", "--every-level")

@@ -29,6 +29,8 @@ from addon.export.glb_file import Glb
 from addon.settings.bake import BakeSettings
 from addon.settings.effects import EFFECTS
 
+pytestmark = pytest.mark.fresh
+
 
 @dataclass(frozen=True)
 class Own:

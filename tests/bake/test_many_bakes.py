@@ -11,7 +11,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-pytestmark = [pytest.mark.night, pytest.mark.fresh_chains, pytest.mark.usefixtures("registered")]
+pytestmark = [pytest.mark.night, pytest.mark.fresh, pytest.mark.usefixtures("registered")]
 
 BAKES, FIRST = int(os.environ.get("LEAFCLOUD_BAKES", "60")), 10
 MOST_GROWTH = 50e6

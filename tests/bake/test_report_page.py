@@ -171,7 +171,7 @@ def longest_run(mask: NDArray[np.bool_]) -> int:
     return int((edges[1::2] - edges[::2]).max())
 
 
-@pytest.mark.fresh_chains
+@pytest.mark.fresh
 def test_the_same_bake_gives_the_same_bytes_but_for_seconds(
     baked: tuple[Path, dict[str, Any]], shrub: Path, tmp_path: Path
 ) -> None:

@@ -1,6 +1,6 @@
 """Chains that the tests of a process build more than once: the first is kept, since chains never change.
 
-The key is everything that the core gets: arrays, materials and options. Tests marked `fresh_chains` build their own:
+The key is everything that the core gets: arrays, materials and options. Tests marked `fresh` build their own chains and groups:
 those of interrupts, memory, threads and reproducibility.
 """
 
@@ -88,8 +88,13 @@ def _with_key(make: Callable[..., Any]) -> Callable[..., Any]:
     return made
 
 
+def is_fresh() -> bool:
+    """Return whether the running test keeps nothing."""
+    return _fresh
+
+
 def _start(foliage: leafcloud.Foliage, **options: Any) -> Any:
-    if _fresh:
+    if is_fresh():
         return leafcloud.start_chain(foliage, **options)
     key = _key([foliage, options])
     if key in _chains:
@@ -118,6 +123,6 @@ def _kept_chains() -> Iterator[None]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Keep no chain during a test marked `fresh_chains` and during the fixtures that are made for it."""
+    """Keep no chain during a test marked `fresh` and during the fixtures that are made for it."""
     global _fresh
-    _fresh = item.get_closest_marker("fresh_chains") is not None
+    _fresh = item.get_closest_marker("fresh") is not None
