@@ -16,6 +16,8 @@ from addon.levels.fading import add_fade, fading_copy
 from addon.nodes.laws import HIDDEN_SHARE
 from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
 
+pytestmark = pytest.mark.version
+
 SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
 
 

@@ -30,6 +30,8 @@ from mathutils import Euler, Matrix, Vector
 from addon.nodes.scene import GROUP_NAME, SceneSettings, add_scene_modifier, scene_group
 from addon.versions import set_corner_normals, set_modifier_input
 
+pytestmark = pytest.mark.version
+
 
 def add_trees(
     meshes: Sequence[bpy.types.Mesh], places: Sequence[Matrix | Vector | tuple[float, ...]]

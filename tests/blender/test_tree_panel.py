@@ -17,7 +17,7 @@ from addon.levels.shown import shown_level
 from addon.mesh.baked_levels import level_number
 from addon.ui.tree_panel import active_tree, figures_of
 
-pytestmark = pytest.mark.usefixtures("registered")
+pytestmark = [pytest.mark.usefixtures("registered"), pytest.mark.version]
 
 KINDS = ("objects", "meshes", "materials", "images", "collections")
 

@@ -23,6 +23,8 @@ from addon.nodes.wind import GROUP_NAME, Swing, WindSettings, add_wind_modifier,
 from addon.plan.wind import Stature, Wind
 from addon.versions import get_modifier_input, set_modifier_input
 
+pytestmark = pytest.mark.version
+
 STATURE = Stature(foot=(0.1, -0.2, -4.0), up=(0.0, 0.0, 1.0), height=8.0, spread=3.0, period=2.5)
 WIND = Wind(direction=(0.6, 0.8, 0.0), strength=6.0, gusts=0.7)
 SETTINGS = WindSettings(STATURE, WIND)
