@@ -128,6 +128,24 @@ def test_normals_that_simplification_turns_against_their_faces_are_those_of_the_
     np.testing.assert_allclose(left.normals, [[tilted, up, up], [down] * 3, [down, up, down]], atol=1e-7)
 
 
+def test_gathered_triangles_keep_what_belongs_to_them() -> None:
+    source = Geometry(
+        positions=np.arange(18, dtype=np.float32).reshape(6, 3),
+        triangles=np.array([[0, 1, 2], [3, 4, 5]], np.int32),
+        uvs=None,
+        normals=np.tile(np.float32([0.0, 0.0, 1.0]), (2, 3, 1)),
+        colors=None,
+        material_ids=np.array([4, 7], np.int32),
+        materials=[None],
+        randoms=np.float32([0.25, 0.75]),
+    )
+    left = gathered(source, np.array([[4, 5, 3], [0, 1, 2], [1, 2, 0]]))
+    assert left.triangles.tolist() == [[4, 5, 3], [0, 1, 2], [1, 2, 0]]
+    assert left.material_ids.tolist() == [7, 4, 4]
+    assert left.randoms is not None
+    assert left.randoms.tolist() == [0.75, 0.25, 0.25]
+
+
 def test_only_a_hidden_trunk_disappears_without_a_change() -> None:
     positions, triangles = tube(12, 10)
     hidden = leafcloud.simplify(positions, triangles, leaves=leafcloud.Foliage(*box(3.0)), pixel=0.05, change=0.0)
