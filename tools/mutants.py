@@ -88,8 +88,8 @@ FAULTS = {
     ),
     "the fit allows a tenth more": Fault(
         "rust/core/src/fit/mod.rs",
-        "let bound = settings.epsilon * foliage.frame().radius;",
-        "let bound = 1.1 * settings.epsilon * foliage.frame().radius;",
+        "settings, settings.epsilon * foliage.frame().radius, progress, None)",
+        "settings, 1.1 * settings.epsilon * foliage.frame().radius, progress, None)",
     ),
     "the inner leaves are drawn first": Fault(
         "rust/core/src/prune/order.rs", "b.0.total_cmp(&a.0)", "a.0.total_cmp(&b.0)"

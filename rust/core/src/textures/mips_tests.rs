@@ -135,3 +135,14 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn mip_levels_of_alpha_are_means() {
+    let alphas = [0, 100, 200, 255, 10, 20, 30, 40_u8];
+    let image = image(4, 2, |x, y| [7, 8, 9, alphas[4 * y + x]]);
+    let levels = of_alpha(&image, 9);
+    let alphas: Vec<Vec<u8>> = levels.iter().skip(1).map(|l| l.pixels().iter().map(|p| p[3]).collect()).collect();
+    // (0 + 100 + 10 + 20) / 4, (200 + 255 + 30 + 40) / 4, and the mean of both.
+    assert_eq!(alphas, [vec![33, 131], vec![82]]);
+    assert_eq!(of_alpha(&image, 2).len(), 2);
+}
