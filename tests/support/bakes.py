@@ -26,7 +26,7 @@ import leafcloud
 SHRUB = ROOT / "examples" / "shrub.glb"
 KEPT = ROOT / "target" / "bakes"
 STATES = 6
-"""States whose bakes are kept: one for each Blender, and some before the last changes."""
+"""Folders of states that stay: the most recently used ones. Three Blenders use one each."""
 
 _MOVING = "--effects=+transitions,+pruning,+wind"
 _SHADED = "--effects=+transitions,+normals,+occlusion,+self_shadowing"

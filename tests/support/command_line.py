@@ -22,9 +22,9 @@ QUICK = ("--texture-size", "128", "--epsilon", "0.1", "--quality", "0.1", "--eve
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run bake.py's program within the process of the tests, which saves the start of Blender. Return what it printed.
+    """Run bake.py within the process of the tests, without the time to start Blender. Return its status and output.
 
-    It may replace the open scene. Use `run_apart` to test the process.
+    The bake may replace the open scene. Use `run_apart` to test the process.
     """
     import bake as program
 
@@ -42,7 +42,7 @@ def run_apart(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 @contextmanager
 def _captured() -> Iterator[list[str]]:
-    """Yield a list that gets what was printed during the block: by Python and by Blender, which prints from C."""
+    """Yield an empty list. After the block it holds standard output and standard error, Blender's own included."""
     printed: list[str] = []
     kept, streams = [os.dup(1), os.dup(2)], (sys.stdout, sys.stderr)
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:

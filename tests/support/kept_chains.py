@@ -1,7 +1,7 @@
 """Chains that the tests of a process build more than once: the first is kept, since chains never change.
 
-The key is everything that the core gets: arrays, materials and options. Tests marked `fresh` build their own: those of
-interrupts, memory, threads and reproducibility, and of what a bake calls.
+The key is everything that the core gets: arrays, materials and options. Tests marked `fresh` build their own chains:
+those that measure memory, compare the bytes of two bakes, or forbid a bake to call some code.
 """
 
 from __future__ import annotations

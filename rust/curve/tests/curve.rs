@@ -31,7 +31,7 @@ fn timeless(curve: &Curve) -> Vec<Point> {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn repeated_sweeps_differ_in_seconds_only() {
     let crown = crown(300);
     let (first, second) = (quick(&crown), quick(&crown));
@@ -91,7 +91,7 @@ fn a_sweep_can_be_canceled() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn an_error_limit_is_kept() {
     let crown = crown(300);
     let offers = offers(&quick(&crown));
@@ -108,7 +108,7 @@ fn an_error_limit_is_kept() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn a_wish_chooses_by_levels_without_refinement_and_refines_the_chosen_ones() {
     let crown = crown(100);
     let settings = ChainSettings { refine: Refinement::Short, ..small() };
@@ -288,7 +288,7 @@ fn no_texel_on_offer_is_larger_than_the_bound() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn offers_keep_to_the_size_of_billboards_and_to_the_shape_of_the_page() {
     let crown = crown(60);
     let small_ones = FitSettings { max_size: Some(0.03), epsilon: 0.02, ..small().fit };
@@ -303,7 +303,7 @@ fn offers_keep_to_the_size_of_billboards_and_to_the_shape_of_the_page() {
 
 /// On such a small page, a small ε has more billboards than fit.
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn offers_that_do_not_fit_are_replaced_by_others() {
     let crown = crown(300);
     let tiny = ChainSettings { texture_size: 64.into(), back_sides: Some(true), ..small() };

@@ -142,7 +142,7 @@ fn settings_are_checked() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn a_tree_on_its_side_gets_the_same_metrics() {
     let foliage = ball(150);
     let turn = glam::DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
@@ -171,7 +171,7 @@ fn toward_viewer(level: &Level) -> f64 {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn normals_are_bent_once() {
     let bent = ChainSettings { channels: Channels { normal: Some(0.5), ..Channels::default() }, ..settings() };
     let chain = build_chain(&ball(300), None, &bent, Progress::silent()).unwrap();

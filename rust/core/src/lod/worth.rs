@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    #[ignore = "night"]
+    #[ignore = "long: make test-night runs it"]
     fn levels_that_pay_are_made_as_before() {
         let foliage = wall(8, 8);
         let [every, worth] =

@@ -159,7 +159,6 @@ fn an_exact_order_cuts_each_crossing_once() {
 }
 
 #[test]
-#[ignore = "night"]
 fn an_exact_order_with_too_many_cuts_is_refused() {
     assert_eq!(MOST_CUTS, 1_000_000);
     let most = BlendOrder::new(&grid(1000, 1000), DVec3::Z, None, Progress::silent()).unwrap();

@@ -165,7 +165,7 @@ fn clusters_find_layers() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn extremes_end_soon_and_hold() {
     let foliage = shrub();
     let tiny = Some(ImageBound { angle: 1e-4, distance: 1.0001 });
@@ -378,7 +378,6 @@ fn a_job_stopped_early_has_a_result() {
 }
 
 #[test]
-#[ignore = "night"]
 fn large_foliage_is_fitted_by_a_core_set_within_the_bound() {
     // A ball of 50 000 small leaves, more than one search takes.
     let place = |i: u32| {

@@ -68,7 +68,7 @@ fn settings() -> ChainSettings {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn labels_match_colors_on_both_sides_and_with_closed_gaps() {
     let leaves = coil();
     let shown = [

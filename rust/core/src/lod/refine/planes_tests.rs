@@ -94,7 +94,7 @@ fn level(foliage: &Foliage, settings: &ChainSettings) -> Level {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn every_corner_keeps_the_bound_and_no_leaf_is_torn() {
     let foliage = bush(300);
     let [off, long] = [Refinement::Off, Refinement::Long].map(|effort| level(&foliage, &settings(effort)));
@@ -128,7 +128,7 @@ fn every_corner_keeps_the_bound_and_no_leaf_is_torn() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn a_viewer_sees_no_motion_by_more_than_the_angle() {
     let foliage = bush(200);
     let image = ImageBound { angle: 0.08, distance: 2.2 };
@@ -144,7 +144,7 @@ fn a_viewer_sees_no_motion_by_more_than_the_angle() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn without_planes_the_cloud_is_that_of_the_fit() {
     let foliage = bush(150);
     let planes = |settings: &ChainSettings| {
@@ -166,7 +166,7 @@ fn without_planes_the_cloud_is_that_of_the_fit() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn any_number_of_threads_gives_the_same_planes() {
     let foliage = bush(150);
     let on = |threads: usize| {

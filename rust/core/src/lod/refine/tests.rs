@@ -120,7 +120,7 @@ fn textures_leave_planes_and_the_morph_as_they_are() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn any_number_of_threads_gives_the_same_bytes() {
     let foliage = bush(150);
     let on = |threads: usize| {
@@ -165,7 +165,7 @@ fn steps_use_other_views_than_tests_and_reports() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn pages_of_any_shape_are_refined() {
     let foliage = bush(120);
     for (width, height, back_sides) in [(256, 64, None), (64, 128, Some(true)), (64, 64, None)] {

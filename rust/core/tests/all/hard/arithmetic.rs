@@ -16,7 +16,6 @@ const GROUP: &str = "Arithmetic";
 const MANY: u32 = 10_000_000;
 
 #[test]
-#[ignore = "night"]
 fn areas_of_ten_million_triangles() {
     // A fan, with one new vertex for each triangle: needles and broad leaves, with areas over nine orders of magnitude.
     let mut random = Random(31);
@@ -64,7 +63,6 @@ fn sums_that_cancel() {
 }
 
 #[test]
-#[ignore = "night"]
 fn threads_do_not_matter() {
     let corners = random_corners(3000, 32);
     let foliage = soup(&corners);

@@ -227,7 +227,6 @@ fn normals_at_the_poles() {
 }
 
 #[test]
-#[ignore = "night"]
 fn recursion_down_to_one_billboard() {
     let foliage = soup(&random_corners(200, 8));
     // Rectangles around parts of the ball reach beyond it, so that no plane holds them all within R; outlines of 16 corners hardly do.

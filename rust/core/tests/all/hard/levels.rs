@@ -103,7 +103,7 @@ fn tiers(tilt: f64) -> (Foliage, Foliage) {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn foliage_of_horizontal_tiers() {
     let mut lost: f64 = 0.0;
     for tilt in [0.0, 1e-4, 0.03, 0.1] {
@@ -136,7 +136,7 @@ fn wall(normal: DVec3) -> Foliage {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn one_sided_leaves_that_face_away() {
     let mut blank = 0;
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
@@ -176,7 +176,7 @@ fn barely_visible_leaves() {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn foliage_that_is_faint_all_over() {
     // Needles that cover no pixel of the metrics renderer by half, and leaves that are blended everywhere.
     let mut lost: f64 = 0.0;

@@ -126,7 +126,7 @@ fn opaque_share(foliage: &Foliage) -> f64 {
 }
 
 #[test]
-#[ignore = "night"]
+#[ignore = "long: make test-night runs it"]
 fn alpha_at_its_ends() {
     let refused = |name, image, mode| {
         let found = chain(&cards(image, mode)).map(|_| ());
