@@ -26,7 +26,7 @@ pub const HAND_OVER: f64 = 0.998;
 pub const DEPTH_ORDER: f64 = 1.0 / 4096.0;
 
 /// Positions of a level at a = 1, in the foliage's local frame; one entry per triangle.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Projection {
     /// Positions of each triangle's corners at a = 1.
     pub targets: Vec<[DVec3; 3]>,

@@ -37,7 +37,7 @@ fn row(foliage: &Foliage, settings: &ChainSettings) -> String {
     let views = Views { count: 8, size: 256, samples: Samples::new(2).expect("two"), up: settings.up, turn: 0.5 };
     let leaves = Reference::new(&[foliage], foliage.frame(), views).expect("views of leaves");
     let drafts = Drafts::new(settings, foliage, None, Progress::silent()).expect("a fit");
-    let drafted = leaves.compare(&drafts.first.collapsed).expect("pictures of a draft");
+    let drafted = leaves.compare(&[&drafts.first.collapsed]).expect("pictures of a draft");
     let chain = build_chain(foliage, None, settings, Progress::silent()).expect("a chain");
     let built = &chain.levels[0].pictures;
     let size = |pictures: &Comparison| ImageErrors::of(pictures).largest_size(TARGET).map_or(0.0, crown_pixels);

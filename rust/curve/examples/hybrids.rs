@@ -145,7 +145,7 @@ impl<'a> Tree<'a> {
             corners[triangle as usize] = places(&draft.collapsed, i).map(|p| self.finest.frame().to_local(p));
         }
         let shown = self.finest.with_corners(&corners).expect("leaves");
-        let errors = ImageErrors::of(&self.pictures.compare(&shown).expect("pictures"));
+        let errors = ImageErrors::of(&self.pictures.compare(&[&shown]).expect("pictures"));
         let size = errors.largest_size(TARGET).map_or(0.0, crown_pixels);
         let cost = self.share_of_all(size, &level);
         Hybrid { epsilon, meshes, billboards: draft.billboards(), triangles: kept.len(), size, cost }

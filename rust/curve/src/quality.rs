@@ -97,7 +97,7 @@ impl<'a> Scale<'a> {
 
     /// Returns the side of the largest picture in which `level` is within the target; `None` if it is within it in none.
     pub(crate) fn largest_size(&self, level: &Foliage, target: f64) -> Result<Option<f64>> {
-        Ok(ImageErrors::up_to(&self.pictures.compare(level)?, target).largest_size(target))
+        Ok(ImageErrors::up_to(&self.pictures.compare(&[level])?, target).largest_size(target))
     }
 }
 

@@ -456,8 +456,9 @@ impl PyLevel {
         Ok(PyFoliage(Arc::new(foliage)))
     }
 
-    fn foliage(&self) -> PyResult<PyFoliage> {
-        let foliage = guard(|| self.level().foliage())?;
+    #[pyo3(signature = (*, shares = false))]
+    fn foliage(&self, shares: bool) -> PyResult<PyFoliage> {
+        let foliage = guard(|| if shares { self.level().shares() } else { self.level().foliage() })?;
         Ok(PyFoliage(Arc::new(foliage)))
     }
 }

@@ -25,6 +25,7 @@ mod settings;
 mod tools;
 mod trunk;
 mod work;
+mod yardstick;
 
 use pyo3::prelude::*;
 
@@ -44,6 +45,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<octahedral_level::PyOctahedralLevel>()?;
     module.add_class::<levels::PyChain>()?;
     module.add_class::<image_errors::PyImageErrors>()?;
+    module.add_class::<yardstick::PyYardstick>()?;
     module.add_class::<curve::PyCurve>()?;
     module.add_class::<job::PyJob>()?;
     module.add_class::<trunk::PySimplified>()?;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use leafcloud::atlas::PageSize;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
-use leafcloud::lod::{ChainSettings, PruneSettings, RefinedParts, ViewCounts};
+use leafcloud::lod::{ChainSettings, CloudStep, PruneSettings, RefinedParts, ViewCounts};
 use leafcloud::textures::Channels;
 use leafcloud_curve::{Form, Last, Preset, Sweep, Wish};
 use pyo3::prelude::*;
@@ -167,6 +167,7 @@ impl<'py> Options<'py> {
             fit: self.fit_with(up)?,
             levels: self.count("levels", default.levels)?,
             cross: self.flag("cross", default.cross)?,
+            steps: self.steps()?,
             upright_planes: default.upright_planes,
             every_level: self.flag("every_level", default.every_level)?,
             up,
@@ -198,6 +199,13 @@ impl<'py> Options<'py> {
                 ViewCounts { order: 0, ..default.views }
             },
         })
+    }
+
+    /// Reads what each cloud is built for.
+    fn steps(&self) -> PyResult<Vec<CloudStep>> {
+        let pairs: Option<Vec<(f64, f64)>> = self.some("steps", "a list of (epsilon, crown_pixels)")?;
+        let step = |(epsilon, crown_pixels)| CloudStep { epsilon, crown_pixels };
+        Ok(pairs.unwrap_or_default().into_iter().map(step).collect())
     }
 
     /// Reads the sweep of a cost curve.

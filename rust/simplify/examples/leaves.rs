@@ -39,7 +39,7 @@ fn main() {
             let trend = growth(&leaves, &ranks, DVec3::Z, Progress::silent()).expect("growth");
             for keep in [1.0, 0.5, 0.25] {
                 let pruned = prune::pruned(&leaves, &ranks, keep, trend.factor(keep)).expect("leaves");
-                let errors = ImageErrors::of(&pictures.compare(&pruned.foliage).expect("pictures"));
+                let errors = ImageErrors::of(&pictures.compare(&[&pruned.foliage]).expect("pictures"));
                 let ratio = |pixels: f64| cost(&pruned.foliage, pixels) / cost(&foliage, pixels);
                 println!(
                     "| {} | {bound} | {keep} | {} | {:.0} | {:.2}, {:.2} | {seconds:.2} |",

@@ -100,7 +100,7 @@ fn main() {
         let reference = Reference::new(&[&level.foliage], level.foliage.frame(), views).expect("a picture with pixels");
         let billboards = leafcloud::lod::billboards(&level.atlas, level.foliage.frame(), page.material(CUTOFF, false));
         let billboards = billboards.expect("billboards with an area");
-        let (_, seconds_of_metrics) = timed(|| reference.compare(&billboards).expect("a picture with pixels"));
+        let (_, seconds_of_metrics) = timed(|| reference.compare(&[&billboards]).expect("a picture with pixels"));
         println!(
             "| {name} | {} | {:.2} | {:.3} | {covered:.3} | {seconds:.2} | {:.1} | {:.1} % | {seconds_of_metrics:.3} |",
             level.cloud.planes.len(),

@@ -44,7 +44,8 @@ pub(super) fn build(
     let outlines: Vec<Outline> = planes.iter().map(|plane| upright(plane, up, &triangles)).collect();
     let heights = |p: &DVec3| planes.iter().map(|plane| plane.height(*p).abs()).fold(f64::INFINITY, f64::min);
     let farthest = triangles.iter().flat_map(|t| &t.2).map(heights).fold(0.0, f64::max);
-    let texel = farthest / settings.pixels / TEXELS_PER_PIXEL;
+    let radius_pixels = settings.radius_pixels(settings.levels, farthest);
+    let texel = 1.0 / radius_pixels / TEXELS_PER_PIXEL;
     let choice = PageChoice { most, texel, back_sides: two_sided, tight: true };
     let atlas = Atlas::pack_smallest(&planes, &outlines, choice)?;
     let packed = Instant::now();
@@ -71,17 +72,18 @@ pub(super) fn build(
     let leaves = &references.tuning;
     let (page, alpha_cutoff, atlas) = if settings.blended {
         let page = tune::blended(&atlas, &page, &frame, !two_sided, leaves)?;
-        let atlas = tightened(atlas, &Shown::new(&page.base_color, 0.0), farthest, usize::MAX, settings);
+        let atlas = tightened(atlas, &Shown::new(&page.base_color, 0.0), radius_pixels, usize::MAX, settings);
         (page, 0.0, atlas)
     } else {
-        let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), farthest, usize::MAX, settings);
+        let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), radius_pixels, usize::MAX, settings);
         let cut_out = CutOut { atlas: &atlas, frame: &frame, double_sided: !two_sided, leaves, mip: SEEN_MIP };
-        let (page, cutoff) = cut_out.settled(page)?;
+        let (page, cutoff, _) = cut_out.settled(page)?;
         (page, cutoff, atlas)
     };
     progress.tell("tune", 0.9)?;
     let page = tune::page(&atlas, page, &frame, alpha_cutoff, !two_sided, &references.tuning)?;
-    let pictures = references.report.compare(&billboards(&atlas, &frame, page.material(alpha_cutoff, !two_sided))?)?;
+    let shown = billboards(&atlas, &frame, page.material(alpha_cutoff, !two_sided))?;
+    let pictures = references.report.compare(&[&shown])?;
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
@@ -99,6 +101,7 @@ pub(super) fn build(
         refined_planes: None,
         in_plane_motion: 0.0,
         max_deviation_leaves: farthest * frame.radius,
+        radius_pixels,
         coverage,
         pictures,
         sharers: Arc::default(),

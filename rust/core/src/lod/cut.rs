@@ -66,17 +66,19 @@ pub fn mip_of(pixels_per_texel: f64) -> usize {
 }
 
 impl CutOut<'_> {
-    /// Returns the page and its cutoff.
+    /// Returns the page, its cutoff, and how much of the leaves it covers.
     ///
     /// # Errors
     /// No billboard has an area.
-    pub fn settled(&self, page: Page) -> Result<(Page, f32)> {
+    pub fn settled(&self, page: Page) -> Result<(Page, f32, f64)> {
         let page = self.as_shares(page)?;
         let coverage = self.measured(&page)?;
         if between(&coverage.near[0], CUTOFFS[0]) < TOO_THIN {
-            return Ok((self.widened(page)?, CUTOFFS[0] as f32));
+            let covered = between(&coverage.near[0], CUTOFFS[0]);
+            return Ok((self.widened(page)?, CUTOFFS[0] as f32, covered));
         }
-        Ok((page, coverage.best_cutoff()))
+        let cutoff = coverage.best_cutoff();
+        Ok((page, cutoff, between(&coverage.near[0], f64::from(cutoff))))
     }
 
     /// Returns the best cutoff of a page, without changing its alpha.

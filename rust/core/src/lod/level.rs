@@ -79,6 +79,8 @@ pub struct Level {
     /// Bound on the deviation from the leaves: the sum of the deviations of all levels so far; for the cross impostor, the greatest
     /// distance of a corner from the nearest plane.
     pub max_deviation_leaves: f64,
+    /// R in pixels where the level was built to take over.
+    pub radius_pixels: f64,
     /// What the refinement of the textures changed; `None` without one.
     pub refined: Option<Refined>,
     /// What the refinement of the planes changed, in pictures of the collapsed leaves; `None` without one.
@@ -105,6 +107,8 @@ pub(super) struct Step<'a> {
     pub opacity: Opacity,
     /// R of the leaves.
     pub radius: f64,
+    /// Number of the level, from 0.
+    pub index: usize,
     /// Fit settings; ε as a share of `radius`.
     pub fit: FitSettings,
     /// Budget of triangles.
@@ -130,11 +134,10 @@ const TEXEL_PIXELS: f64 = 0.5;
 /// Least size of a texel as a share of the size of a texel of the level before.
 const SOURCE_SHARE: f64 = 0.5;
 
-/// Planes with their places on the atlas page.
+/// Planes with the places of the leaves on them.
 struct Layout {
     cloud: Cloud,
     projection: Projection,
-    atlas: Atlas,
     two_sided: bool,
     refined: Option<Refined>,
     /// Measured seconds: for fitting the planes, for refining them, and for choosing the stretch limit.
@@ -144,27 +147,32 @@ struct Layout {
 fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Layout> {
     let (started, finer) = (Instant::now(), step.finer);
     let two_sided = settings.back_sides.unwrap_or_else(|| finer.is_single_sided());
-    let cloud = fitted(step, two_sided, settings.pixels, progress.part(0.0, 0.6))?;
+    let cloud = fitted(step, two_sided, settings, progress.part(0.0, 0.6))?;
     let fitted = Instant::now();
     let (cloud, refined) = arranged(step, settings, cloud, progress.part(0.6, 0.9))?;
     let arranged = Instant::now();
     progress.tell("pack", 0.9)?;
     let (_, projection) = tune::projection(finer, &cloud, &step.references.tuning)?;
     let projected = Instant::now();
+    let arranging = if refined.is_some() { arranged - fitted } else { Duration::ZERO };
+    let seconds = [fitted - started, arranging, projected - arranged].map(|time| time.as_secs_f64());
+    Ok(Layout { cloud, projection, two_sided, refined, seconds })
+}
+
+/// Returns the places of the billboards on the smallest atlas page with texels that are fine enough.
+fn packed(step: &Step, settings: &ChainSettings, layout: &Layout, projection: &Projection) -> Result<Atlas> {
+    let (cloud, finer) = (&layout.cloud, step.finer);
     let outlines = outlines(&cloud.planes, &cloud.parents, |t| projection.targets[t], &step.opacity);
     let deviation = (step.deviation + cloud.max_deviation()) / finer.frame().radius;
     let texel = if settings.fitting_pages {
         // Finer texels than half of the source's show nothing more.
         let source = source_texel(finer).unwrap_or(0.0);
-        (TEXEL_PIXELS * deviation / settings.pixels).max(SOURCE_SHARE * source)
+        (TEXEL_PIXELS / settings.radius_pixels(step.index, deviation)).max(SOURCE_SHARE * source)
     } else {
         0.0
     };
-    let choice = PageChoice { most: step.page, texel, back_sides: two_sided, tight: settings.tight_pages };
-    let atlas = Atlas::pack_smallest(&cloud.planes, &outlines, choice)?;
-    let arranging = if refined.is_some() { arranged - fitted } else { Duration::ZERO };
-    let seconds = [fitted - started, arranging, projected - arranged].map(|time| time.as_secs_f64());
-    Ok(Layout { cloud, projection, atlas, two_sided, refined, seconds })
+    let choice = PageChoice { most: step.page, texel, back_sides: layout.two_sided, tight: settings.tight_pages };
+    Atlas::pack_smallest(&cloud.planes, &outlines, choice)
 }
 
 /// Returns the cloud with planes refined by pictures, and what changed.
@@ -185,17 +193,18 @@ fn arranged(
         amounts: &step.references.tuning,
         image: step.fit.image,
         up: settings.up,
-        radius_pixels: settings.pixels * step.radius / deviation.max(f64::MIN_POSITIVE),
+        radius_pixels: settings.radius_pixels(step.index, deviation / step.radius),
         seed: settings.fit.seed,
     };
     arrangement.refined(cloud, settings.refine, progress)
 }
 
 /// Returns the planes within ε. A wished number of triangles is met by a larger ε if small billboards alone do not meet it.
-fn fitted(step: &Step, two_sided: bool, pixels: f64, progress: Progress) -> Result<Cloud> {
+fn fitted(step: &Step, two_sided: bool, settings: &ChainSettings, progress: Progress) -> Result<Cloud> {
     let copies = if two_sided { 2 } else { 1 };
     let room = AtlasSettings::of_size(step.page, two_sided).room();
-    let scale = Scale { pixels_per_unit: pixels / (step.deviation / step.radius + step.fit.epsilon), copies };
+    let deviation = step.deviation / step.radius + step.fit.epsilon;
+    let scale = Scale { pixels_per_unit: settings.radius_pixels(step.index, deviation), copies };
     let fitted = Fitted {
         finer: step.finer,
         opacity: &step.opacity,
@@ -212,53 +221,83 @@ fn fitted(step: &Step, two_sided: bool, pixels: f64, progress: Progress) -> Resu
     fit_within(step.finer, &step.opacity, &fewer, fitted.bound, progress.part(0.8, 1.0), None)
 }
 
-pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
-    let (started, finer) = (Instant::now(), step.finer);
-    let Layout { cloud, projection, atlas, two_sided, refined: refined_planes, seconds: [fit, arranging, stretch] } =
-        layout(step, settings, progress.part(0.0, 0.65))?;
-    let packed = Instant::now();
+/// A level's page with its cutoff and tight polygons.
+struct Textured {
+    atlas: Atlas,
+    page: Page,
+    cutoff: f32,
+    /// Coverage of the leaves that is missing; 0 if alpha could be tuned to show all of it.
+    missing: f64,
+    channel_seconds: ChannelSeconds,
+    /// Seconds for baking and for tuning.
+    seconds: [f64; 2],
+}
 
-    let baking = progress.part(0.65, 0.9);
+fn textured(
+    step: &Step,
+    settings: &ChainSettings,
+    layout: &Layout,
+    projection: &Projection,
+    atlas: Atlas,
+    baking: Progress,
+) -> Result<Textured> {
+    let (started, finer) = (Instant::now(), step.finer);
+    let Layout { cloud, two_sided, .. } = layout;
     baking.tell("bake", 0.0)?;
     // A texture for both sides shows single-sided leaves from both sides.
-    let either = if two_sided { None } else { Some(finer.double_sided()) };
+    let either = if *two_sided { None } else { Some(finer.double_sided()) };
     let shown = either.as_ref().unwrap_or(finer);
     let channels = (&step.channels, step.sky);
     // A blended triangle that is drawn on two billboards would cover twice as much.
     let (page, channel_seconds) = if settings.close_gaps && !settings.blended {
-        bake_timed(&atlas, settings.samples, channels, drawn::all_triangles(shown, &cloud, &projection), baking)?
-    } else if drawn::tears_many(shown, &cloud) && !settings.blended {
-        bake_timed(&atlas, settings.samples, channels, drawn::with_torn_leaves(shown, &cloud, &projection), baking)?
+        bake_timed(&atlas, settings.samples, channels, drawn::all_triangles(shown, cloud, projection), baking)?
+    } else if drawn::tears_many(shown, cloud) && !settings.blended {
+        bake_timed(&atlas, settings.samples, channels, drawn::with_torn_leaves(shown, cloud, projection), baking)?
     } else {
-        bake_timed(&atlas, settings.samples, channels, drawn::own_triangles(shown, &cloud, &projection), baking)?
+        bake_timed(&atlas, settings.samples, channels, drawn::own_triangles(shown, cloud, projection), baking)?
     };
     let baked = Instant::now();
-    let tuning = |share: f64| progress.tell("tune", share);
-    tuning(0.9)?;
-    let projection = tune::grown(finer, &cloud, projection, &step.references.tuning)?;
-    let ranks = billboard_ranks(&atlas, finer.frame(), settings.fit.seed)?;
-    let deviation = step.deviation + cloud.max_deviation();
-    let local = deviation / finer.frame().radius;
-    let (page, alpha_cutoff, atlas) = if settings.blended {
-        let page = tune::blended(&atlas, &page, finer.frame(), !two_sided, &step.references.tuning)?;
-        let atlas = tightened(atlas, &Shown::new(&page.base_color, 0.0), local, step.triangles, settings);
-        (page, 0.0, atlas)
+    baking.tell("tune", 0.9)?;
+    let radius_pixels = step.radius_pixels(settings, cloud);
+    let leaves = &step.references.tuning;
+    let (page, cutoff, atlas, missing) = if settings.blended {
+        let page = tune::blended(&atlas, &page, finer.frame(), !two_sided, leaves)?;
+        let atlas = tightened(atlas, &Shown::new(&page.base_color, 0.0), radius_pixels, step.triangles, settings);
+        (page, 0.0, atlas, 0.0)
     } else {
-        let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), local, step.triangles, settings);
-        let cut_out = CutOut {
-            atlas: &atlas,
-            frame: finer.frame(),
-            double_sided: !two_sided,
-            leaves: &step.references.tuning,
-            mip: mip_of(settings.pixels * atlas.texel() / local.max(f64::MIN_POSITIVE)),
-        };
-        let (page, cutoff) = cut_out.settled(page)?;
-        (page, cutoff, atlas)
+        let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), radius_pixels, step.triangles, settings);
+        let mip = mip_of(radius_pixels * atlas.texel());
+        let cut_out = CutOut { atlas: &atlas, frame: finer.frame(), double_sided: !two_sided, leaves, mip };
+        let (page, cutoff, coverage) = cut_out.settled(page)?;
+        (page, cutoff, atlas, (1.0 - coverage).max(0.0))
     };
-    tuning(0.96)?;
+    let seconds = [(baked - started).as_secs_f64(), baked.elapsed().as_secs_f64()];
+    Ok(Textured { atlas, page, cutoff, missing, channel_seconds, seconds })
+}
+
+pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
+    let (started, finer) = (Instant::now(), step.finer);
+    let layout = layout(step, settings, progress.part(0.0, 0.65))?;
+    let atlas = packed(step, settings, &layout, &layout.projection)?;
+    let done = Instant::now();
+    let grown = tune::grown(finer, &layout.cloud, layout.projection.clone(), &step.references.tuning)?;
+    let growing = done.elapsed().as_secs_f64();
+    let baking = progress.part(0.65, 0.9);
+    let mut textured = textured(step, settings, &layout, &layout.projection, atlas, baking)?;
+    if textured.missing > tune::LEAST_LOSS && grown != layout.projection {
+        // Texels are too fine for alpha to widen leaves by as much as they hide one another: the leaves on the page grow, too.
+        let atlas = packed(step, settings, &layout, &grown)?;
+        textured = self::textured(step, settings, &layout, &grown, atlas, baking)?;
+    }
+    let Layout { cloud, two_sided, refined: refined_planes, seconds: [fit, arranging, stretch], .. } = layout;
+    let Textured { atlas, page, cutoff: alpha_cutoff, channel_seconds, seconds: [bake, tuning], .. } = textured;
+    let settled = Instant::now();
+    let deviation = step.deviation + cloud.max_deviation();
+    let radius_pixels = step.radius_pixels(settings, &cloud);
+    progress.tell("tune", 0.96)?;
     let page = tune::page(&atlas, page, finer.frame(), alpha_cutoff, !two_sided, &step.references.tuning)?;
     let shown = billboards(&atlas, finer.frame(), page.material(alpha_cutoff, !two_sided))?;
-    let pictures = step.references.report.compare(&shown)?;
+    let pictures = step.references.report.compare(&[&shown])?;
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
     Ok(Level {
@@ -267,40 +306,48 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         frame: *finer.frame(),
         alpha_cutoff,
         two_sided,
-        ranks,
+        ranks: billboard_ranks(&atlas, finer.frame(), settings.fit.seed)?,
         mean_deviation: cloud.mean_deviation(finer),
         refined: None,
         refined_planes,
-        in_plane_motion: projection.in_plane_motion(finer, &cloud) * finer.frame().radius,
+        in_plane_motion: grown.in_plane_motion(finer, &cloud) * finer.frame().radius,
         max_deviation_leaves: deviation,
+        radius_pixels,
         coverage,
         pictures,
         cloud: Some(cloud),
-        projection: Some(projection),
+        projection: Some(grown),
         sharers: Arc::default(),
         atlas,
         page,
         seconds: Seconds {
             fit,
-            pack: (packed - started).as_secs_f64() - fit - arranging - stretch,
-            bake: (baked - packed).as_secs_f64(),
-            metrics: stretch + baked.elapsed().as_secs_f64(),
+            pack: (done - started).as_secs_f64() - fit - arranging - stretch,
+            bake,
+            metrics: stretch + growing + tuning + settled.elapsed().as_secs_f64(),
             refine: arranging,
         },
         channel_seconds,
     })
 }
 
-/// Returns the layout with tight polygons, for the distance at which the level takes over: its deviation (local units) appears `pixels` large
-/// there, and its texels at most a pixel.
+impl Step<'_> {
+    /// Returns R in pixels where the level takes over with these planes.
+    fn radius_pixels(&self, settings: &ChainSettings, cloud: &Cloud) -> f64 {
+        settings.radius_pixels(self.index, (self.deviation + cloud.max_deviation()) / self.radius)
+    }
+}
+
+/// Returns the layout with tight polygons, for the distance at which the level takes over: R is `radius_pixels` large there, and texels at
+/// most a pixel.
 pub(super) fn tightened(
     atlas: Atlas,
     shown: &Shown,
-    deviation: f64,
+    radius_pixels: f64,
     triangles: usize,
     settings: &ChainSettings,
 ) -> Atlas {
-    let pixels_per_texel = (settings.pixels * atlas.texel() / deviation.max(f64::MIN_POSITIVE)).min(1.0);
+    let pixels_per_texel = (radius_pixels * atlas.texel()).min(1.0);
     let copies = if atlas.billboards.iter().any(|billboard| billboard.back) { 2 } else { 1 };
     let scale = Scale { pixels_per_unit: pixels_per_texel, copies };
     with_polygons(atlas, shown, PolygonSettings { corners: settings.max_corners, triangles, scale })
@@ -336,5 +383,13 @@ impl Level {
     /// No billboard has an area.
     pub fn foliage(&self) -> Result<Foliage> {
         billboards(&self.atlas, &self.frame, self.page.material(self.alpha_cutoff, !self.two_sided))
+    }
+
+    /// Returns the billboards as foliage that renderers draw which show alpha as a share: dithered, hashed, or as coverage.
+    ///
+    /// # Errors
+    /// No billboard has an area.
+    pub fn shares(&self) -> Result<Foliage> {
+        billboards(&self.atlas, &self.frame, self.page.material(0.0, !self.two_sided))
     }
 }

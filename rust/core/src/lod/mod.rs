@@ -27,7 +27,7 @@ pub use level::{Level, Seconds};
 pub use octahedral::Octahedral;
 pub use references::{References, report_pictures};
 pub use refine::{Refined, RefinedParts, Refinement};
-pub use settings::{ChainSettings, EPSILON_STEP, PruneSettings, ViewCounts};
+pub use settings::{ChainSettings, CloudStep, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
 pub use size::is_published;
 pub use worth::{LEAST_SAVING, LeftOut};
@@ -186,6 +186,7 @@ pub fn build_chain_of(
             leaves: shown,
             opacity,
             radius: frame.radius,
+            index,
             fit,
             triangles: 0,
             is_wish: index == 0 && settings.triangles.is_some(),

@@ -27,9 +27,9 @@ impl References {
     /// # Errors
     /// An `up` without a finite length above 0.
     pub fn new(left: &[&Foliage], whole: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Self> {
-        let ChainSettings { views, up, .. } = *settings;
+        let amounts = views_of_amounts(settings.views.amounts, settings.up)?;
         Ok(Self {
-            tuning: Arc::new(Reference::new(left, frame, views_of_amounts(views.amounts, up)?)?),
+            tuning: Arc::new(reference(left, frame, amounts, settings)?),
             report: report(whole, frame, settings)?,
         })
     }
@@ -46,9 +46,13 @@ pub fn report_views(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: REPORT_SIZE, samples: Samples::new(REPORT_SAMPLES)?, up, turn: 0.5 })
 }
 
-/// Renders the base for the reported metrics, also lit if levels have the normals of their leaves.
+/// Renders the base for the reported metrics.
 fn report(base: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Reference> {
-    let views = report_views(settings.views.report, settings.up)?;
+    reference(base, frame, report_views(settings.views.report, settings.up)?, settings)
+}
+
+/// Renders the base in some views, also lit if levels have the normals of their leaves.
+fn reference(base: &[&Foliage], frame: &Frame, views: Views, settings: &ChainSettings) -> Result<Reference> {
     if settings.is_lit() { Reference::lit(base, frame, views) } else { Reference::new(base, frame, views) }
 }
 
@@ -57,5 +61,5 @@ fn report(base: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<
 /// # Errors
 /// A setting of the views outside its range.
 pub fn report_pictures(leaves: &Foliage, shown: &Foliage, settings: &ChainSettings) -> Result<Comparison> {
-    report(&[leaves], leaves.frame(), settings)?.compare(shown)
+    report(&[leaves], leaves.frame(), settings)?.compare(&[shown])
 }

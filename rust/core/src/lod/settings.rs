@@ -45,6 +45,15 @@ impl Default for ViewCounts {
     }
 }
 
+/// What a cloud is built for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CloudStep {
+    /// ε as a share of R.
+    pub epsilon: f64,
+    /// Diameter of the crown in pixels where the cloud takes over.
+    pub crown_pixels: f64,
+}
+
 /// Settings of a chain of levels. [`limits`] has the range of each number.
 #[derive(Clone, Debug)]
 #[allow(clippy::struct_excessive_bools)] // The flags are independent.
@@ -53,6 +62,8 @@ pub struct ChainSettings {
     pub fit: FitSettings,
     /// Number of billboard clouds. With 0, the cross impostor is the only level.
     pub levels: usize,
+    /// What each cloud is built for, in place of the ε that grows by [`EPSILON_STEP`] and of `pixels`; empty for these.
+    pub steps: Vec<CloudStep>,
     /// Adds the cross impostor as the last level.
     pub cross: bool,
     /// Number of upright planes of the cross impostor, 2 to 5.
@@ -142,6 +153,7 @@ impl Default for ChainSettings {
         Self {
             fit: FitSettings::default(),
             levels: 2,
+            steps: Vec::new(),
             cross: true,
             upright_planes: 2,
             every_level: true,
@@ -195,6 +207,10 @@ impl ChainSettings {
         limits::MIN_VISIBILITY.check("min_visibility", self.min_visibility)?;
         limits::MAX_CORNERS.check("max_corners", self.max_corners as f64)?;
         limits::PIXELS.check("pixels", self.pixels)?;
+        for step in &self.steps {
+            limits::EPSILON.check("epsilon", step.epsilon)?;
+            limits::PIXELS.check("crown_pixels", step.crown_pixels)?;
+        }
         limits::TEXTURE_SIZE.check("texture_size", self.texture_size.width as f64)?;
         limits::TEXTURE_SIZE.check("texture_height", self.texture_size.height as f64)
     }
@@ -202,11 +218,14 @@ impl ChainSettings {
     /// Returns the fit settings of the level with this index, from 0; `finer` is the ε of the level before it. A budget applies to the
     /// first level only. Later levels follow from its ε or, if the billboard count is the input of the method, from that count.
     pub(super) fn fit_of(&self, index: usize, finer: Option<f64>) -> FitSettings {
-        let Some(finer) = finer else { return self.fit.clone() };
+        let wanted = self.steps.get(index).map(|step| step.epsilon);
+        let Some(finer) = finer else {
+            return FitSettings { epsilon: wanted.unwrap_or(self.fit.epsilon), ..self.fit.clone() };
+        };
         let coarser = libm::pow(EPSILON_STEP, index as f64);
         let fewer = |count: usize| (count / BILLBOARDS_STEP.pow(index as u32)).max(1);
         FitSettings {
-            epsilon: (finer * EPSILON_STEP).min(1.0),
+            epsilon: wanted.unwrap_or(finer * EPSILON_STEP).min(1.0),
             max_billboards: self.fit.max_billboards.filter(|_| self.fit.method == Method::KMeans).map(fewer),
             max_texels: None,
             image: self.fit.image.map(|image| ImageBound { angle: image.angle * coarser, ..image }),
@@ -214,6 +233,12 @@ impl ChainSettings {
             whole_leaves: true,
             ..self.fit.clone()
         }
+    }
+
+    /// Returns R in pixels where the level with this index, from 0, takes over; `deviation`: its deviation as a share of R.
+    pub(super) fn radius_pixels(&self, index: usize, deviation: f64) -> f64 {
+        let wanted = self.steps.get(index).map(|step| 0.5 * step.crown_pixels);
+        wanted.unwrap_or(self.pixels / deviation.max(f64::MIN_POSITIVE))
     }
 
     /// Returns the atlas size of the level with this index, from 0.

@@ -20,7 +20,7 @@ use crate::transition::{HAND_OVER, Projection};
 const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 
 /// Loss of coverage below which collapsed leaves do not grow: nobody sees it.
-const LEAST_LOSS: f64 = 0.02;
+pub const LEAST_LOSS: f64 = 0.02;
 
 /// Candidate factors on the lengths of collapsed leaves.
 const GROWTHS: [f64; 6] = [1.0, 1.025, 1.05, 1.1, 1.15, 1.2];
@@ -51,8 +51,7 @@ pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<
 /// Returns the projection with leaves that grow as they collapse, if they lose coverage even with the best stretch: by more than
 /// [`LEAST_LOSS`].
 ///
-/// Only leaves in motion grow, not those in the textures: billboards keep the coverage by their alpha, and on coarse pages grown leaves
-/// would close the gaps between leaves.
+/// Leaves in the textures grow only where alpha cannot keep the coverage: on coarse pages grown leaves would close the gaps between leaves.
 pub fn grown(finer: &Foliage, cloud: &Cloud, projection: Projection, leaves: &Reference) -> Result<Projection> {
     if leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage >= 1.0 - LEAST_LOSS {
         return Ok(projection);
@@ -143,8 +142,9 @@ pub fn least_excess(start: f64, range: (f64, f64), error: f64, excess: impl Fn(f
 pub const TONES: (f32, f32) = (0.8, 1.25);
 
 /// Returns the page with the mean color of the leaves. Projection changes the occlusion among leaves: a pine loses the lit tips of its
-/// outer twigs, 2 % of its light. A uniform difference of 2 % over a crown is visible at distances where single leaves are not. The colors
-/// of texels below the cutoff are settled first.
+/// outer twigs, 2 % of its light. A uniform difference of 2 % over a crown is visible at distances where single leaves are not. It also
+/// changes the shadows, so the colors are those that are right halfway between no light and a sun. The colors of texels below the cutoff
+/// are settled first.
 ///
 /// # Errors
 /// No billboard has an area.

@@ -86,7 +86,7 @@ pub(super) struct Before<'a> {
 impl LeftOut {
     /// Returns the costs of a level and of the level before it, where the level takes over.
     fn of(level: &Level, before: &Before, settings: &ChainSettings, progress: Progress) -> Result<Self> {
-        let scale = scale(level, settings.pixels);
+        let scale = scale(level);
         let count = |leaves: &Foliage, trunk: Option<&Foliage>| {
             let parts: Vec<&Foliage> = std::iter::once(leaves).chain(trunk).collect();
             drawing_cost(&parts, scale, settings.up, progress)
@@ -105,10 +105,10 @@ impl LeftOut {
     }
 }
 
-/// Returns the pixels of a length of 1, in the caller's units, where a level takes over: its deviation appears `pixels` large, and its texels
-/// as large as a pixel or smaller.
-fn scale(level: &Level, pixels: f64) -> f64 {
-    (pixels / level.max_deviation_leaves).min(1.0 / (level.atlas.texel() * level.frame.radius))
+/// Returns the pixels of a length of 1, in the caller's units, where a level takes over: where it was built to, and where its texels are as
+/// large as a pixel or smaller.
+fn scale(level: &Level) -> f64 {
+    level.radius_pixels.min(1.0 / level.atlas.texel()) / level.frame.radius
 }
 
 #[cfg(test)]

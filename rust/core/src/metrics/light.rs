@@ -132,9 +132,9 @@ mod tests {
             (0..4).map(|t| whole.corners(t).map(|p| if t > 1 { DVec3::new(p.x, p.y * 0.5, p.z) } else { p })).collect();
         let torn = whole.with_corners(&gap).unwrap();
         let reference = Reference::lit(&[&whole], whole.frame(), views).unwrap();
-        let same = reference.compare(&whole).unwrap();
+        let same = reference.compare(&[&whole]).unwrap();
         assert_eq!(same.lit.as_ref().unwrap().base, same.lit.as_ref().unwrap().level);
-        let found = reference.compare(&torn).unwrap();
+        let found = reference.compare(&[&torn]).unwrap();
         let lit = found.lit.unwrap();
         let changed = |a: &[crate::Image], b: &[crate::Image]| {
             a[0].pixels().iter().zip(b[0].pixels()).filter(|(a, b)| a[0].abs_diff(b[0]) > 20).count()

@@ -132,7 +132,7 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn agreement(&self, level: &Foliage) -> Result<Agreement> {
-        let pictures = self.in_each_view(level, |view| silhouette(&[level], view))?;
+        let pictures = self.in_each_view(&[level], |view| silhouette(&[level], view))?;
         let pairs = || self.pictures.iter().zip(&pictures);
         Ok(Agreement { coverage: coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
@@ -142,27 +142,30 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn contrast(&self, level: &Foliage) -> Result<f64> {
-        let (base, other) = (measure::spread(&self.pictures), measure::spread(&self.pictures_of(level)?));
+        let (base, other) = (measure::spread(&self.pictures), measure::spread(&self.pictures_of(&[level])?));
         Ok(if base > 1e-3 && other > 1e-3 { base / other } else { 1.0 })
     }
 
-    /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black.
+    /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black. With lit pictures it is the geometric mean
+    /// of the ratios without light and under the sun.
     ///
     /// # Errors
     /// Those of [`render()`].
     pub fn tone(&self, level: &Foliage) -> Result<Vec3> {
-        Ok(measure::tone(&self.pictures, &self.pictures_of(level)?))
+        let Comparison { flat, lit } = self.compare(&[level])?;
+        let of_lit = lit.as_ref().map_or_else(|| flat.tone(), Pictures::tone);
+        Ok((flat.tone() * of_lit).map(f32::sqrt))
     }
 
-    /// Renders `level` in all views, beside the base.
+    /// Renders the parts of a level in all views, beside the base.
     ///
     /// # Errors
     /// Those of [`render()`].
-    pub fn compare(&self, level: &Foliage) -> Result<Comparison> {
+    pub fn compare(&self, level: &[&Foliage]) -> Result<Comparison> {
         let Some(Sunlit { frame, sun, .. }) = &self.sunlit else {
             return Ok(self.beside(self.pictures_of(level)?, None));
         };
-        let (flat, lit) = flat_and_lit(&[level], &self.views, &Light::on(&[level], frame, *sun))?;
+        let (flat, lit) = flat_and_lit(level, &self.views, &Light::on(level, frame, *sun))?;
         Ok(self.beside(flat, Some(lit)))
     }
 
@@ -184,13 +187,17 @@ impl Reference {
         Comparison { flat: Pictures::new(Arc::clone(&self.pictures), flat), lit }
     }
 
-    fn pictures_of(&self, level: &Foliage) -> Result<Vec<Image>> {
-        self.in_each_view(level, |view| render(&[level], view))
+    fn pictures_of(&self, level: &[&Foliage]) -> Result<Vec<Image>> {
+        self.in_each_view(level, |view| render(level, view))
     }
 
     /// Draws a level in all views side by side, or one after the other if its triangles take much memory in each.
-    fn in_each_view(&self, level: &Foliage, draw: impl Fn(&View) -> Result<Image> + Send + Sync) -> Result<Vec<Image>> {
-        if level.triangle_count() > MANY_TRIANGLES {
+    fn in_each_view(
+        &self,
+        level: &[&Foliage],
+        draw: impl Fn(&View) -> Result<Image> + Send + Sync,
+    ) -> Result<Vec<Image>> {
+        if level.iter().map(|part| part.triangle_count()).sum::<usize>() > MANY_TRIANGLES {
             self.views.iter().map(draw).collect()
         } else {
             self.views.par_iter().map(draw).collect()
@@ -245,6 +252,12 @@ impl Pictures {
     pub fn new(base: Arc<[Image]>, level: Vec<Image>) -> Self {
         Self { base, level: level.into(), errors: Arc::default() }
     }
+
+    /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black.
+    #[must_use]
+    pub fn tone(&self) -> Vec3 {
+        measure::tone(&self.base, &self.level)
+    }
 }
 
 impl Comparison {
@@ -255,9 +268,4 @@ impl Comparison {
         coverage(self.flat.base.iter().zip(self.flat.level.iter()))
     }
 
-    /// Returns the ratio of mean linear colors, base over level, per channel; 1 if either is black.
-    #[must_use]
-    pub fn tone(&self) -> Vec3 {
-        measure::tone(&self.flat.base, &self.flat.level)
-    }
 }

@@ -174,11 +174,22 @@ impl Octahedral {
         tuning()?;
         let depth = draw::depths(&normal_depth);
         let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &depth, &references.tuning, tuning)?;
+        let normal_depth = opened(&layout, &color, normal_depth, &depth, &references.tuning, tuning)?;
         let pages = draw::Pages::new(&layout, &color, &normal_depth);
         let traced = |view: &View| progress.tell("tune", 0.95).map(|()| Rays::traced(&layout, &depth, view));
         let pictures = compared(&references.report, traced, &pages)?;
         let (frame, seconds) = (*parts[0].frame(), started.elapsed().as_secs_f64());
         Ok(Self { layout, frame, color, normal_depth, alpha_cutoff, pictures, seconds })
+    }
+
+    /// Draws the impostor in all views of `base`, beside it.
+    ///
+    /// # Errors
+    /// A view of no pixels.
+    pub fn compare(&self, base: &Reference) -> Result<Comparison> {
+        let depth = draw::depths(&self.normal_depth);
+        let pages = draw::Pages::new(&self.layout, &self.color, &self.normal_depth);
+        compared(base, |view| Ok(Rays::traced(&self.layout, &depth, view)), &pages)
     }
 
     /// Draws the impostor as seen in `view`, blended, or cut out at a `cutoff` above 0; lit if there is a `sun`, in this direction of length 1.
@@ -241,9 +252,45 @@ fn tuned(
     let cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, tune::COVERAGE_ERROR, cut)? as f32;
     let pages = draw::Pages::new(layout, &page.base_color, normal_depth);
     let drawn = rays.iter().map(|rays| pages.flat(rays, 0.0)).collect::<Result<_>>()?;
-    let tone = leaves.beside(drawn, None).tone();
+    let tone = leaves.beside(drawn, None).flat.tone();
     let toned = page.toned(tone.clamp(Vec3::splat(tune::TONES.0), Vec3::splat(tune::TONES.1)));
     Ok((toned.base_color, cutoff))
+}
+
+/// Range of factors on the share of the sky that leaves see.
+const OPENINGS: (f64, f64) = (0.25, 4.0);
+
+/// Greatest error of ln brightness under a sun.
+const BRIGHTNESS_ERROR: f64 = 0.01;
+
+/// Returns the page of normals and depth with the openness scaled until pictures under a sun are as bright as the leaves'. Without lit pictures of
+/// the leaves it stays. The share of the sky stands for shadows, and how much sun a crown lets through depends on its leaves.
+fn opened(
+    layout: &Layout,
+    color: &Image,
+    normal_depth: Image,
+    depth: &[f32],
+    leaves: &Reference,
+    tell: impl Fn() -> Result<()>,
+) -> Result<Image> {
+    let Some(sun) = leaves.sun() else { return Ok(normal_depth) };
+    let traced = |view: &View| tell().map(|()| Rays::traced(layout, depth, view));
+    let rays: Vec<Rays> = leaves.views().iter().map(traced).collect::<Result<_>>()?;
+    let scaled = |factor: f64| {
+        let open = |&[x, y, open, height]: &[u8; 4]| [x, y, (f64::from(open) * factor + 0.5).min(255.0) as u8, height];
+        let pixels: Vec<[u8; 4]> = normal_depth.pixels().iter().map(open).collect();
+        Image::new(normal_depth.width(), normal_depth.height(), pixels)
+    };
+    let excess = |factor: f64| {
+        tell()?;
+        let page = scaled(factor)?;
+        let pages = draw::Pages::new(layout, color, &page);
+        let lit = rays.iter().map(|rays| pages.flat_and_lit(rays, 0.0, sun)).collect::<Result<Vec<_>>>()?;
+        let (flat, lit) = lit.into_iter().map(|[flat, lit]| (flat, lit)).unzip();
+        let tone = leaves.beside(flat, Some(lit)).lit.map_or(Vec3::ONE, |lit| lit.tone());
+        Ok(libm::log(f64::from(tone.element_sum()) / 3.0))
+    };
+    scaled(tune::least_excess(1.0, OPENINGS, BRIGHTNESS_ERROR, excess)?)
 }
 
 /// Returns the alpha of each texel.

@@ -23,8 +23,8 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
     let started = Instant::now();
     let whole = level.atlas.with_rectangles();
     let tight = |least: f32, level: &Level| {
-        let deviation = level.max_deviation_leaves / level.frame.radius;
-        tightened(whole.clone(), &Shown::new(&level.page.base_color, least), deviation, step.triangles, settings)
+        let shown = Shown::new(&level.page.base_color, least);
+        tightened(whole.clone(), &shown, level.radius_pixels, step.triangles, settings)
     };
     let subject = Subject {
         leaves: step.leaves,
@@ -34,14 +34,14 @@ pub fn refined(level: Level, step: &Step, settings: &ChainSettings, progress: Pr
         frame: &level.frame,
         double_sided: !level.two_sided,
         up: settings.up,
-        mip: mip_of(settings.pixels * whole.texel() * level.frame.radius / level.max_deviation_leaves),
+        mip: mip_of(level.radius_pixels * whole.texel()),
     };
     let made = subject.refined(&level.page, level.alpha_cutoff, settings.refine, progress)?;
     let RefinedPage { page, cutoff: alpha_cutoff, refined } = made;
     let mut level = Level { page, alpha_cutoff, refined: Some(refined), ..level };
     level.atlas = tight(alpha_cutoff.min(OF_SHARES), &level);
     let shown = billboards(&level.atlas, &level.frame, level.page.material(alpha_cutoff, !level.two_sided))?;
-    level.pictures = step.references.report.compare(&shown)?;
+    level.pictures = step.references.report.compare(&[&shown])?;
     level.coverage = level.pictures.coverage();
     tune::check_shown(level.coverage, &level.page, alpha_cutoff)?;
     level.seconds.refine += started.elapsed().as_secs_f64();

@@ -96,7 +96,7 @@ fn pictures_from_other_sides_become_more_like_the_leaves() {
     let leaves = Reference::new(&[foliage], foliage.frame(), views).unwrap();
     let pictures = |page: &Page, level: &Level| {
         let material = page.material(level.alpha_cutoff, !level.two_sided);
-        leaves.compare(&billboards(&level.atlas, &level.frame, material).unwrap()).unwrap()
+        leaves.compare(&[&billboards(&level.atlas, &level.frame, material).unwrap()]).unwrap()
     };
     let [old, new] = [before, after].map(|level| pictures(&level.page, level));
     assert!(error(&new) < 0.97 * error(&old), "{} after {}", error(&new), error(&old));
