@@ -38,7 +38,7 @@ from ..plan.engine_limits import undrawn_warnings
 from ..plan.facts import Facts
 from ..plan.lod_range import View
 from ..plan.pages import ktx2_warning
-from ..plan.quality import core_target, quality_warnings
+from ..plan.quality import core_wishes, quality_warnings
 from ..plan.refinement import refine_warnings
 from ..plan.registry import effect_named
 from ..plan.schedule import keep_at_switch, schedule
@@ -166,8 +166,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
-        target_error=core_target(settings),
-        form=level_1_form(prepared),
+        **core_wishes(settings, level_1_form(prepared)),
         last=last_form(prepared),
         **chain_options(settings, prepared.facts, prepared.effects),
     )
@@ -241,7 +240,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         tree=prepared.tree,
         foliage=prepared.foliage,
         chain=chain,
-        schedule=schedule(prepared.settings, prepared.facts, decisions, chain.levels, view),
+        schedule=schedule(prepared.settings, prepared.facts, decisions, chain, view),
         effects=on_effects(decisions),
         costs=costs,
         shading=LeafShading(reflection.roughness, reflection.metallic, reflection.specular, prepared.translucent.share),
@@ -253,7 +252,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     yield
     collection, built = yield from build_levels(build)
     settled = tuple(effects[decision.name].settled(decision, chain) for decision in decisions)
-    missed = quality_warnings(build.schedule.switch_sizes, chain.levels)
+    missed = quality_warnings(chain)
     unrefined = refine_warnings(prepared.settings.refine, chain.levels)
     prepared = replace(prepared, warnings=(*prepared.warnings, *missed, *unrefined))
     return Baked(prepared, chain, collection, tuple(built), build.schedule, view, settled, costs)

@@ -20,7 +20,6 @@ from ..levels.rollback import removed_on_failure
 from ..mesh.trees import numbered
 from ..plan.decision import Decision, is_on
 from ..plan.effects import CameraNote, camera_note
-from ..plan.quality import measure
 from ..plan.registry import all_effects
 from ..settings.bake import BakeSettings
 from ..steps import Steps, all_steps
@@ -175,12 +174,19 @@ class ChainsJob:
                 if self._cancelled:  # `cancel` was called between two jobs.
                     self._job.cancel()
                 chains.append(self._job.result())
-                measure(each.settings, chains[-1].levels)
+                _measure(chains[-1].levels)
             self._finished += 1
         shared = chains if len(chains) == 1 else leafcloud.share_pages(chains)
         if self._cancelled:
             raise leafcloud.CancelledError("cancelled")
         return shared
+
+
+def _measure(levels: Sequence[leafcloud.AnyLevel]) -> None:
+    """Measure the image errors of all levels, which the levels keep. A large tree takes a second, which would stop the
+    interface."""
+    for level in levels:
+        level.image_error  # noqa: B018 the levels keep it
 
 
 @contextmanager

@@ -126,16 +126,18 @@ def _predicted(baked: Baked) -> dict[str, Any] | None:
 def _quality(baked: Baked) -> dict[str, Any] | None:
     """Return the row `quality`; None if `pixels` sets the LOD distances.
 
-    For each level after LOD 0: `target`, the image error that it may have where it takes over; `crown_pixels`, the
-    largest diameter of the crown at which its measured error is within the target, at most 400; `errors`, the image
-    error by that diameter, up to the first one above the target.
+    For each level after LOD 0: `crown_pixels`, the diameter of the crown where it takes over, and `size`, that as a
+    fraction of the picture's height; `passes`, whether it looks like the leaves there; `judged`, its figures in pictures
+    of that size. `tried`: the error bounds that were tried for the first cloud, the chosen one last.
     """
-    rows = []
-    for each in baked.schedule.switch_sizes:
-        sizes = zip(each.measured.sizes, each.measured.errors, strict=True)
-        errors = [{"crown_pixels": size, "image_error": error} for size, error in sizes]
-        rows.append({"target": each.target, "crown_pixels": each.size, "errors": errors})
-    return {"quality": baked.prepared.settings.quality, "levels": rows} if rows else None
+    sizes, height = baked.schedule.crowns, baked.view.resolution
+    rows = [
+        {"crown_pixels": size, "size": size / height, "passes": taken["passes"], "judged": taken["judged"]}
+        for size, taken in zip(sizes, baked.chain.takes_over, strict=True)
+    ]
+    settings = baked.prepared.settings
+    whole = {"quality": settings.quality, "scene": settings.scene, "memory_budget": settings.memory_budget}
+    return {**whole, "levels": rows, "tried": baked.chain.tried} if rows else None
 
 
 def _leaves(built: BuiltLevel, write_seconds: float) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from ..settings.levels import LARGEST_TEXTURE
 from .facts import Camera, Facts, Span
 from .lod_range import HandOverKind, LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left
-from .quality import FINEST_BOUND, LARGEST_CROWN, SMALLEST_CROWN, core_target, decides_distances, distance_of
+from .quality import LARGEST_CROWN, SMALLEST_CROWN, decides_distances, distance_of
 
 CROSS_DEVIATION = 0.5
 """Typical deviation of the cross impostor from the leaves as a fraction of R: 0.48 to 0.56 on the measured trees."""
@@ -90,16 +90,15 @@ def seen_as_set(settings: BakeSettings, facts: Facts) -> Facts:
 def soonest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
     """Return the switch distances that follow from ε, LOD 0's 0 first, in world units.
 
-    Deviations are near their bounds, so a level takes over at most a little sooner. Quality may choose a small ε.
+    Deviations are near their bounds, so a level takes over at most a little sooner.
     """
     clouds = _clouds(settings)
-    epsilon = FINEST_BOUND if settings.epsilon is None and core_target(settings) is not None else settings.error_bound
-    errors = [min(epsilon * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
-    switches = _switches(settings, facts, view, [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)])
-    if not decides_distances(settings):
-        return switches
-    first = distance_of(LARGEST_CROWN, facts.radius, view)
-    return rising([0.0, *(max(distance, first) for distance in switches[1:])])
+    if decides_distances(settings) and settings.chain != "pruning":
+        largest = max(LARGEST_CROWN, max(settings.sizes, default=0.0) * view.resolution)
+        first = distance_of(largest, facts.radius, view)
+        return rising([0.0, *([first] * (clouds + int(settings.cross)))])
+    errors = [min(settings.error_bound * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
+    return _switches(settings, facts, view, [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)])
 
 
 def latest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[float, ...]:
@@ -162,7 +161,7 @@ def level_at(away: float, ranges: Sequence[LodRange]) -> int:
 
 
 def _clouds(settings: BakeSettings) -> int:
-    return 0 if settings.chain == "pruning" else settings.levels
+    return 0 if settings.chain == "pruning" else len(settings.sizes) or settings.levels
 
 
 def _passes(span: Span, begin: float, end: float) -> bool:

@@ -21,13 +21,19 @@ from .decision import Decision
 from .effects import plan_levels
 from .facts import Facts
 from .pages import page_size
-from .quality import TYPICAL_PIXELS
+from .quality import LARGEST_CROWN, decides_distances
 from .rates import Amounts
 from .registry import effect_named
 from .trunk_limits import FAR_TRIANGLES, NEAR_TRIANGLES
 
 _PAGE_SHARE = 6.0
 """Texels of a page over the pixels of the square around the crown: 3 to 7 on the measured trees."""
+
+_LATER = 5.0
+"""Ratio of the sizes for which consecutive clouds are built by quality."""
+
+_CROSS_PIXELS = 8.0
+"""Deviation in pixels for which the cross impostor's page is made."""
 
 
 def amounts(settings: BakeSettings, facts: Facts, effects: Sequence[Decision]) -> Amounts:
@@ -59,8 +65,12 @@ def _page_texels(settings: BakeSettings, number: int) -> int:
     width, height = page_size(settings, number)
     if settings.texture_size is not None or settings.texture_height is not None:
         return width * height
+    if decides_distances(settings):
+        within = leafcloud.page_side(settings.memory_budget) >> number
+        crown = LARGEST_CROWN / _LATER**number
+        return min(width * height, within * within, round(_PAGE_SHARE * (2.0 * crown) ** 2))
     deviation = sum(settings.error_bound * leafcloud.EPSILON_STEP**finer for finer in range(number + 1))
-    return min(width * height, round(_PAGE_SHARE * (2.0 * _pixels(settings) / deviation) ** 2))
+    return min(width * height, round(_PAGE_SHARE * (2.0 * settings.switch_pixels / deviation) ** 2))
 
 
 def _cross_texels(settings: BakeSettings) -> int:
@@ -68,10 +78,5 @@ def _cross_texels(settings: BakeSettings) -> int:
 
     A side has two texels for each pixel at the distance where the impostor takes over, if it deviates by R / 2 there.
     """
-    side: int = 2 ** math.ceil(math.log2(16.0 * _pixels(settings)))
+    side: int = 2 ** math.ceil(math.log2(16.0 * (_CROSS_PIXELS if settings.pixels is None else settings.pixels)))
     return side * side
-
-
-def _pixels(settings: BakeSettings) -> float:
-    """Return the deviation in pixels where a level takes over, as set, or a typical one."""
-    return TYPICAL_PIXELS if settings.pixels is None else settings.pixels

@@ -1,66 +1,37 @@
-"""Quality: the image error that a level may have where it takes over.
+"""Quality: where levels take over, by how they look.
 
-The setting `quality` goes from 0 (fast) to 1 (exact); its middle is the error that nobody notices at the hand-over.
-Later levels may have more error, because the tree is smaller where they take over. The core chooses the error bound of
-level 1 by the target, and each level takes over at the largest size at which its measured error is within its target.
+The setting `quality` goes from 0 (fast) to 1 (exact). The core judges each level with a yardstick: in its middle a level
+may differ from the leaves as much as they differ when a light breeze has moved them. The core also chooses the levels
+for a scene, within a budget of memory.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TypedDict
 
 import leafcloud
 
 from ..settings.bake import BakeSettings
+from ..settings.choices import DRAW_SHARES, Form
 from .lod_range import View, shows_trunk
 
-UNNOTICED = 0.06
-"""Image error of level 1 that nobody notices where it takes over: FLIP within the silhouette."""
-
-RANGE = 3.0
-"""Factor on the error from the middle of the setting to its ends."""
-
-TYPICAL_PIXELS = 2.0
-"""Typical deviation in pixels where a level takes over at the default quality: 1 to 4 on the measured trees."""
-
-LARGEST_CROWN = 400.0
-"""Largest diameter of the crown in pixels at which a level takes over by its picture. Larger pictures are not measured,
-and single leaves are seen in them."""
+LARGEST_CROWN = leafcloud.LARGEST_CROWN
+"""Largest diameter of the crown in pixels at which a level takes over by its looks."""
 
 SMALLEST_CROWN = 7.8
-"""Diameter of the crown in pixels, in the smallest pictures that the core measures."""
-
-FINEST_BOUND = 0.014
-"""The smallest error bound that the core chooses by quality."""
+"""Smallest diameter of the crown in pixels at which the last level takes over."""
 
 
-class SwitchSize(NamedTuple):
-    """The size at which a level takes over by its picture.
+class Wishes(TypedDict, total=False):
+    """What quality decides, as options of `leafcloud.build_chain`."""
 
-    size: diameter of the crown in pixels, at most `LARGEST_CROWN`. target: image error that quality allows. measured:
-    image errors by size.
-    """
-
-    size: float
-    target: float
-    measured: leafcloud.ImageErrors
-
-    @property
-    def least_error(self) -> float:
-        """The image error at the smallest measured size."""
-        return self.measured.errors[0]
-
-    @property
-    def is_reached(self) -> bool:
-        """True if the level is within its target at some size."""
-        return self.least_error <= self.target
-
-
-def target_error(quality: float, number: int = 1) -> float:
-    """Return the image error that level `number` may have where it takes over."""
-    error = UNNOTICED * RANGE ** (1.0 - 2.0 * quality)
-    return error if number == 1 else leafcloud.LATER_ERROR * error
+    quality: float
+    scene: float
+    memory_budget: float
+    sizes: Sequence[float]
+    shares: bool
+    form: Form
 
 
 def decides_distances(settings: BakeSettings) -> bool:
@@ -68,60 +39,47 @@ def decides_distances(settings: BakeSettings) -> bool:
     return settings.pixels is None
 
 
-def core_target(settings: BakeSettings) -> float | None:
-    """Return the option `target_error` of the core; None if other settings decide."""
-    if not decides_distances(settings) or settings.wish is not None or settings.chain != "billboards":
-        return None
-    return target_error(settings.quality)
-
-
-def switch_sizes(settings: BakeSettings, levels: Sequence[leafcloud.AnyLevel]) -> tuple[SwitchSize, ...]:
-    """Measure the size at which each level takes over by its picture; empty if quality does not decide."""
+def core_wishes(settings: BakeSettings, form: Form) -> Wishes:
+    """Return what quality decides; empty if it decides nothing. `form`: that level 1 may have."""
     if not decides_distances(settings):
-        return ()
-    found = []
-    for number, level in enumerate(levels, start=1):
-        target = target_error(settings.quality, number)
-        errors = level.image_errors(target)
-        size = errors.largest_size(target)
-        largest = errors.sizes[0] if size is None else min(size, LARGEST_CROWN)
-        found.append(SwitchSize(largest, target, errors))
-    return tuple(found)
+        return {}
+    return Wishes(
+        quality=settings.quality,
+        scene=settings.scene,
+        memory_budget=settings.memory_budget,
+        sizes=settings.sizes,
+        shares=settings.engine in DRAW_SHARES,
+        form=form,
+    )
 
 
-def measure(settings: BakeSettings, levels: Sequence[leafcloud.AnyLevel]) -> None:
-    """Measure the errors of all levels, which the levels keep.
-
-    For a thread of its own: a large tree takes a second, which would stop the interface.
-    """
-    for level in levels:
-        level.image_error  # noqa: B018 the levels keep it
-    switch_sizes(settings, levels)
-    switch_sizes(settings, plain_levels(levels))
+def allowed_difference(quality: float) -> float:
+    """Return how much a level may differ from the leaves, over leaves that a light breeze has moved."""
+    allowed: float = leafcloud.allowed_difference(quality)
+    return allowed
 
 
-def plain_levels(levels: Sequence[leafcloud.AnyLevel]) -> list[leafcloud.AnyLevel]:
-    """Return the levels as files have them: a cross impostor in place of an octahedral one."""
-    return [level.cross if isinstance(level, leafcloud.OctahedralLevel) else level for level in levels]
-
-
-def quality_warnings(found: Sequence[SwitchSize], levels: Sequence[leafcloud.AnyLevel]) -> list[str]:
-    """Return a message for each level whose image error exceeds its target at every size.
-
-    found: the switch sizes of all levels, or empty if quality does not decide.
-    """
-    if not found:
-        return []
+def quality_warnings(chain: leafcloud.Chain) -> list[str]:
+    """Return a message for each level that looks different from the leaves where it takes over."""
     warnings = []
-    for number, (each, level) in enumerate(zip(found, levels, strict=True), start=1):
-        if each.is_reached:
+    for number, (level, taken) in enumerate(zip(chain.levels, chain.takes_over, strict=False), start=1):
+        if taken["passes"] or taken["crown_pixels"] <= leafcloud.UNJUDGED_CROWN:
             continue
-        remedy = "leave it out with `cross=False`" if shows_trunk(level) else "raise `triangles`"
+        judged = taken["judged"]
+        remedy = "leave it out with `cross=False`" if shows_trunk(level) else "raise `memory_budget` or `triangles`"
         warnings.append(
-            f"level {number} has an image error of {each.least_error:.3g} even where the crown is {each.size:.0f} "
-            f"pixels large, and `quality` allows {each.target:.3g}; it takes over there: lower `quality`, or {remedy}"
+            f"level {number} does not look like the leaves even where the crown is {taken['crown_pixels']:.0f} pixels "
+            f"high, by its {judged['by']}: {judged['excess']:.1f} times what `quality` allows; it takes over there: "
+            f"lower `quality`, or {remedy}"
         )
     return warnings
+
+
+def crowns(settings: BakeSettings, taken: Sequence[leafcloud.TakesOver], view: View) -> list[float]:
+    """Return the diameter of the crown in pixels of this view where each level takes over."""
+    sizes = [each["crown_pixels"] for each in taken]
+    wished = [share * view.resolution for share in settings.sizes]
+    return [*wished, *sizes[len(wished) :]] if len(sizes) >= len(wished) else sizes
 
 
 def distance_of(size: float, radius: float, view: View) -> float:

@@ -14,7 +14,7 @@ from .decision import Decision, is_on
 from .facts import Facts
 from .lod_range import HandOverKind, LodRange, View, hand_over_to, lod_ranges, rising
 from .pruning import PruneDistances, cut_off_distance, start_for
-from .quality import SwitchSize, distance_of, plain_levels, switch_sizes
+from .quality import crowns, decides_distances, distance_of
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Schedule:
 
     drawn: the levels that the camera sees. A single one is always shown if no level follows the camera.
     trunk_pixels: side of a pixel on the tree where each level after LOD 0 appears; empty: trunks are not simplified.
-    switch_sizes: of each level after LOD 0; empty if quality does not decide.
+    crowns: diameter of the crown in pixels where each level after LOD 0 takes over; empty if quality does not decide.
     triangles: wished maximum of level 1 with its trunk.
     plain_distances: switch distances in files, where a cross impostor stands in for an octahedral one.
     """
@@ -33,20 +33,23 @@ class Schedule:
     drawn: range = range(1)
     pruning: PruneDistances = field(default_factory=PruneDistances)
     trunk_pixels: tuple[float, ...] = ()
-    switch_sizes: tuple[SwitchSize, ...] = ()
+    crowns: tuple[float, ...] = ()
     triangles: int | None = None
     plain_distances: tuple[float, ...] = ()
 
 
 def schedule(
-    settings: BakeSettings, facts: Facts, effects: Sequence[Decision], levels: Sequence[leafcloud.AnyLevel], view: View
+    settings: BakeSettings, facts: Facts, effects: Sequence[Decision], chain: leafcloud.Chain, view: View
 ) -> Schedule:
     """Return the schedule of a finished chain. `view` sets the switch distances."""
-    by_picture = switch_sizes(settings, levels)
+    levels = chain.levels
+    taken = chain.takes_over if decides_distances(settings) else []
+    plain_taken = taken if chain.plain_takes_over is None else [*taken[:-1], chain.plain_takes_over]
+    by_looks = crowns(settings, taken, view)
     start = far_off(facts.leaf_size, settings.prune_pixels, view)
-    switch_distances = _switch_distances(settings, facts, levels, by_picture, view)
-    plain = plain_levels(levels)
-    plain_distances = _switch_distances(settings, facts, plain, switch_sizes(settings, plain), view)
+    switch_distances = _switch_distances(settings, facts, levels, by_looks, view)
+    plain = [level.cross if isinstance(level, leafcloud.OctahedralLevel) else level for level in levels]
+    plain_distances = _switch_distances(settings, facts, plain, crowns(settings, plain_taken, view), view)
     hand_overs = [HandOverKind.FADE, *map(hand_over_to, levels)]
     ranges = lod_ranges(switch_distances, hand_overs, transitions=bool(is_on(effects, "transitions")))
     simplified = is_on(effects, "trunk_levels")
@@ -56,7 +59,7 @@ def schedule(
         _drawn(settings, facts, ranges, levels),
         _prune_distances(settings, facts, effects, start, ranges[1].appear),
         tuple(each.appear / far_off(1.0, 1.0, view) for each in ranges[1:]) if simplified else (),
-        by_picture,
+        tuple(by_looks),
         settings.triangles,
         plain_distances,
     )
@@ -66,21 +69,22 @@ def _switch_distances(
     settings: BakeSettings,
     facts: Facts,
     levels: Sequence[leafcloud.AnyLevel],
-    by_picture: Sequence[SwitchSize],
+    by_looks: Sequence[float],
     view: View,
 ) -> tuple[float, ...]:
     """Return the distance of each level, LOD 0's first.
 
-    A level takes over where its deviation appears smaller than `pixels` pixels, and its picture is within the error
-    that quality allows, or its texels are smaller than a pixel.
+    A level takes over where it looks like the leaves (`by_looks`: diameters of the crown in pixels). If quality does not
+    decide: where its deviation appears smaller than `pixels` pixels, and its texels are smaller than a pixel.
     """
-    deviations = [level.max_deviation_leaves * facts.radius for level in levels]
-    alike = [distance_of(each.size, facts.radius, view) for each in by_picture]
-    sharp = [] if by_picture else [far_off(level.texel_size, 1.0, view) for level in levels]
-    distances = [
-        max(far_off(deviation, settings.switch_pixels, view), picture)
-        for deviation, picture in zip(deviations, alike or sharp, strict=True)
-    ]
+    if by_looks:
+        distances = [distance_of(size, facts.radius, view) for size in by_looks]
+    else:
+        deviations = [level.max_deviation_leaves * facts.radius for level in levels]
+        distances = [
+            max(far_off(deviation, settings.switch_pixels, view), far_off(level.texel_size, 1.0, view))
+            for deviation, level in zip(deviations, levels, strict=True)
+        ]
     if settings.chain == "pruning":
         start = far_off(facts.leaf_size, settings.prune_pixels, view)
         distances = [max(*distances, cut_off_distance(start, settings.prune_half))]

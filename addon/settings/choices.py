@@ -11,6 +11,8 @@ ENGINES = ("generic", "three", "babylon", "godot", "unity", "unreal", "bevy")
 DRAW_OCTAHEDRAL = ("generic", "three")
 """Engines for which octahedral impostors are chosen by cost; Blender's own scenes count as generic. Babylon.js cuts
 them out, which looks coarser, so it gets them only if asked for."""
+DRAW_SHARES = ("three", "babylon", "godot", "unity", "unreal", "bevy")
+"""Engines whose packages draw alpha as a share of a pixel. Blender and readers of generic files cut it out."""
 COMPRESSED_ENGINES = ("generic", "three", "unity")
 """Engines that can read `EXT_meshopt_compression`; the reader of generic files is its user's."""
 CHAINS = {

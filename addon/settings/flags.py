@@ -85,9 +85,13 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
 def settings_of(options: argparse.Namespace) -> BakeSettings:
     """Return the settings given by the flags. Raise `UsageError`."""
     try:
-        return BakeSettings(**{each.name: getattr(options, each.name) for each in described()})
+        return BakeSettings(**{each.name: _value(each, getattr(options, each.name)) for each in described()})
     except SettingsError as error:
         raise UsageError(with_flags(str(error))) from error
+
+
+def _value(each: NamedSetting, value: Any) -> Any:
+    return tuple(value) if each.setting.many else value
 
 
 def with_flags(message: str) -> str:
@@ -125,7 +129,9 @@ def _add_setting(parser: argparse.ArgumentParser, each: NamedSetting) -> None:
         parser.add_argument(_switch(each), dest=each.name, action=action, help=text)
         return
     more: dict[str, Any] = {"type": _reader(each), "default": each.default}
-    if each.type is tuple:
+    if each.setting.many:
+        more["nargs"] = "+"
+    elif each.type is tuple:
         more = {"type": _direction, "action": "append"}
     parser.add_argument(flag(each.name), metavar=each.setting.unit, help=_help(each), **more)
 
@@ -133,12 +139,14 @@ def _add_setting(parser: argparse.ArgumentParser, each: NamedSetting) -> None:
 def _reader(each: NamedSetting) -> Callable[[str], Any]:
     """Return the function that reads a setting's value. It refuses other text than a number with the allowed values."""
 
+    kind = float if each.setting.many else each.type
+
     def read(text: str) -> Any:
         try:
-            return each.type(text)
+            return kind(text)
         except ValueError:
-            kind = "whole number" if each.type is int else "number"
-            raise argparse.ArgumentTypeError(f"{text!r} is no {kind}; it must be {each.setting.limit}") from None
+            wanted = "whole number" if kind is int else "number"
+            raise argparse.ArgumentTypeError(f"{text!r} is no {wanted}; it must be {each.setting.limit}") from None
 
     return read
 
@@ -150,7 +158,9 @@ def _help(each: NamedSetting) -> str:
         words.append(". Choices: " + "; ".join(f"{name}: {what}" if what else name for name, what in choices.items()))
     elif each.setting.limit:
         words.append(f". Must be {each.setting.limit}")
-    if each.type is not tuple:
+    if each.setting.many:
+        words.append(f" (default: {each.setting.unset})")
+    elif each.type is not tuple:
         words.append(f" (default: {each.setting.unset if each.default is None else each.default})")
     return with_flags("".join(words)).replace("%", "%%")
 

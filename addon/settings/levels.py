@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import leafcloud
@@ -17,6 +18,8 @@ Preset = Literal["draft", "balanced", "final"]
 
 WISHES = ("seconds", "image_error", "preset")
 """Settings that choose epsilon, texture size, samples and effort by a quick cost curve. At most one may be set."""
+MOST_SIZES = 4
+"""Maximum number of sizes at which levels take over."""
 _FIX_EPSILON = ("method", "triangles", "max_billboards", "max_texels", "image_epsilon", "chain")
 """Settings that exclude the wishes unless they have their defaults: they leave no epsilon to choose."""
 
@@ -48,13 +51,41 @@ class LevelSettings:
     quality: Annotated[
         float,
         Setting(
-            "How little a level differs from the leaves where it takes over, from 0 (fast) to 1 (exact). At 0.5 nobody "
-            "notices the change. Larger takes over farther away or with more triangles. Chooses error bound, texture "
-            "size and switch distances",
+            "How little a level differs from the leaves where it takes over, from 0 (fast) to 1 (exact). At 0.5 as much "
+            "as the leaves when a light breeze has moved them; half as much at 1, twice as much at 0. Chooses error "
+            "bound, texture size and switch distances",
             "FRACTION",
-            Limits(0.0, 1.0),
+            _range("quality"),
         ),
-    ] = 0.5
+    ] = _default("quality")
+    scene: Annotated[
+        float,
+        Setting(
+            "Distance to the horizon, as a multiple of R. Levels are chosen to make an even plantation up to there cheap "
+            "to draw",
+            "R",
+            _range("scene"),
+        ),
+    ] = _default("scene")
+    memory_budget: Annotated[
+        float,
+        Setting(
+            "Size in MB of the levels' textures on a graphics card, compressed. Larger pages let levels take over nearer",
+            "MB",
+            _range("memory_budget"),
+        ),
+    ] = _default("memory_budget")
+    sizes: Annotated[
+        tuple[float, ...],
+        Setting(
+            "Sizes of the crown at which the levels take over, as fractions of the picture's height, the largest first. "
+            "One cloud is made for each",
+            "FRACTION",
+            _range("sizes"),
+            unset="the largest at which each level looks like the leaves",
+            many=True,
+        ),
+    ] = ()
     epsilon: Annotated[
         float | None,
         Setting(
@@ -248,8 +279,8 @@ class LevelSettings:
             "of the one before",
             "TEXELS",
             _range("texture_size"),
-            unset="texels of half a pixel where a level takes over, not finer than half a texel of the leaves; "
-            f"at most {LARGEST_TEXTURE}",
+            unset="texels of half a pixel where a level takes over, not finer than half a texel of the leaves, within "
+            "`memory_budget`",
         ),
     ] = None
     texture_height: Annotated[
@@ -362,6 +393,7 @@ class LevelSettings:
         for each in settings_in(type(self)):
             require(self, each.name, each.setting.allows(getattr(self, each.name)), each.setting.limit)
         self._check_fit()
+        self._check_sizes()
         self._check_wishes()
 
     @property
@@ -404,6 +436,17 @@ class LevelSettings:
             raise SettingsError(
                 "`form=leaves` needs `quality`, which judges the leaves: leave out `pixels`, `seconds`, `image_error`, "
                 "`preset` and `chain`"
+            )
+
+    def _check_sizes(self) -> None:
+        if not self.sizes:
+            return
+        falling = all(near > far for near, far in pairwise(self.sizes)) and len(self.sizes) <= MOST_SIZES
+        require(self, "sizes", falling, f"at most {MOST_SIZES} fractions, the largest first")
+        if (self.pixels, self.wish, self.chain) != (None, None, "billboards"):
+            raise SettingsError(
+                "`sizes` needs `quality`, which judges the levels: leave out `pixels`, `seconds`, `image_error`, `preset` "
+                "and `chain`"
             )
 
     def _check_wishes(self) -> None:

@@ -52,6 +52,7 @@ class Setting:
     about: text of the tooltip and --help, in sentences without the last period. For a switch: the effect when it is on.
     unit: placeholder for the value in --help, in capitals.
     unset: meaning of the value None.
+    many: whether the value is a tuple of numbers, given after one flag.
     choices: allowed words, each with a description or an empty text.
     """
 
@@ -59,6 +60,7 @@ class Setting:
     unit: str = ""
     limits: Limits | None = None
     unset: str = ""
+    many: bool = False
     choices: Mapping[Any, str] = field(default_factory=dict)
 
     @property
@@ -69,6 +71,8 @@ class Setting:
     def allows(self, value: Any) -> bool:
         if value is None:
             return bool(self.unset)
+        if self.many:
+            return all(self.limits is None or self.limits.hold(each) for each in value)
         return (self.limits is None or self.limits.hold(value)) and (not self.choices or value in self.choices)
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..plan.quality import target_error
+from ..plan.quality import allowed_difference
 from ..settings.bake import BakeSettings
 from ..settings.effects import EFFECTS
 from .presets import LEAFCLOUD_PT_presets
@@ -93,6 +93,7 @@ class LEAFCLOUD_PT_levels(_Settings, bpy.types.Panel):
     groups = (
         ("leaves", "trees"),
         ("form", "epsilon", "triangles", "levels", "cross", "last", "every_level"),
+        ("sizes", "scene", "memory_budget"),
         ("pixels", "viewer"),
         ("chain", *_OF_PRUNING),
     )
@@ -146,9 +147,9 @@ class LEAFCLOUD_PT_effects(bpy.types.Panel):
 
 
 def _consequence(quality: float) -> str:
-    """Return the image error that a quality allows, in a word and a number."""
-    word = "Fast" if quality < 0.4 else "Exact" if quality > 0.6 else "Unnoticed"
-    return f"{word}: error {target_error(quality):.3f} or less"
+    """Return the difference that a quality allows, in a word and a number."""
+    word = "Fast" if quality < 0.4 else "Exact" if quality > 0.6 else "Balanced"
+    return f"{word}: {allowed_difference(quality):.1f} × a light breeze"
 
 
 _REMEDIES = {"anywhere": "Make All Levels", "camera": "Only for This View"}

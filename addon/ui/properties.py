@@ -7,6 +7,7 @@ bpy alive at exit, and Blender would crash.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,7 +21,7 @@ from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings, described
 from ..settings.effects import EFFECTS, asked_effects
 from ..settings.naming import with_names
-from ..settings.setting import NamedSetting
+from ..settings.setting import NamedSetting, SettingsError
 from ..versions import blend_relative_path
 
 AUTO, ON, OFF = "AUTO", "ON", "OFF"
@@ -61,6 +62,9 @@ ENGINE_LABELS = {"generic": "Blender, glTF", "three": "three.js", "babylon": "Ba
 
 _SHOWN = {
     "quality": _Shown("Quality"),
+    "sizes": _Shown("Sizes"),
+    "scene": _Shown("Horizon", slider=500.0, digits=0),
+    "memory_budget": _Shown("Memory", slider=64.0, digits=1),
     "form": _Shown("Form"),
     "epsilon": _Shown("Error Bound", slider=0.2, digits=3),
     "levels": _Shown("Levels", slider=4),
@@ -155,6 +159,9 @@ def _property(each: NamedSetting, shown: _Shown) -> Any:
         return EnumProperty(items=items, default=each.default, **said)
     if each.type is bool:
         return BoolProperty(default=each.default, **said)
+    if setting.many:
+        said["description"] = f"{said['description']}. In percent, such as 50 25 10. Empty: {setting.unset}"
+        return StringProperty(**said)
     limits = setting.limits
     assert limits is not None, each.name
     low, high = limits.low, limits.high
@@ -249,9 +256,19 @@ def bake_settings(properties: LeafcloudSettings) -> BakeSettings:
 
 def _value(each: NamedSetting, value: Any) -> Any:
     """Return the setting's value for a property's value."""
+    if each.setting.many:
+        return _fractions(value)
     if each.type is float:
         value = round(value, _DIGITS)
     return value or None if each.default is None else value
+
+
+def _fractions(text: str) -> tuple[float, ...]:
+    """Return the numbers of a text in percent, as fractions. Raise `SettingsError` for other text."""
+    try:
+        return tuple(round(float(word.rstrip("%")) / 100.0, _DIGITS) for word in re.split(r"[\s,;]+", text) if word)
+    except ValueError:
+        raise SettingsError(f"`sizes` is {text!r}, it must be numbers in percent, such as 50 25 10") from None
 
 
 def leaf_names(properties: LeafcloudSettings) -> list[str] | None:

@@ -365,8 +365,11 @@ def test_wrong_attributes_and_materials() -> None:
         (lambda f: leafcloud.build_chain(f, trunk="oak"), "trunk is 'oak'; it must be a Foliage"),
         (lambda f: leafcloud.build_chain(f, levels=0, cross=False), "`levels` is 0 without a cross"),
         (lambda f: leafcloud.build_chain(f, up=(0, 0, 0)), r"^up is \[0.0, 0.0, 0.0\]; it needs a finite length"),
-        (lambda f: leafcloud.build_chain(f, target_error=1.0), "`target_error` is 1;"),
-        (lambda f: leafcloud.build_chain(f, target_error=float("nan")), "`target_error` is NaN"),
+        (lambda f: leafcloud.build_chain(f, quality=1.5), "`quality` is 1.5;"),
+        (lambda f: leafcloud.build_chain(f, quality=float("nan")), "`quality` is NaN"),
+        (lambda f: leafcloud.build_chain(f, quality=0.5, scene=1.0), "`scene` is 1;"),
+        (lambda f: leafcloud.build_chain(f, quality=0.5, sizes=[0.1, 0.5]), "`sizes` is .*the largest first"),
+        (lambda f: leafcloud.build_chain(f, sizes=[0.5]), "`sizes` needs `quality`"),
         (lambda f: leafcloud.render([f], (0, 1, 0), -1, centre=(0, 0, 0), radius=1), "size is -1"),
         (lambda f: leafcloud.render([f], (0, 1, 0), 8, centre=(0, 0, 0), radius="wide"), "radius is 'wide'"),
         (

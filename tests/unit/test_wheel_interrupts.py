@@ -85,9 +85,9 @@ call = lambda: leafcloud.cost_curve(foliage)
 foliage = leafcloud.Foliage(*squares(20_000))
 call = lambda: leafcloud.cost_curve(foliage, quick=True)
 """,
-    "build_chain with target_error": """
+    "build_chain with quality": """
 foliage = leafcloud.Foliage(*squares(20_000))
-call = lambda: leafcloud.build_chain(foliage, levels=3, target_error=0.01)
+call = lambda: leafcloud.build_chain(foliage, levels=3, quality=0.9)
 """,
     "Curve.svg": """
 curve = leafcloud.cost_curve(leafcloud.Foliage(*squares(20)), quick=True, levels=1, texture_size=64)

@@ -1,8 +1,24 @@
 //! Decides: whether a level looks like its leaves, where levels take over, and which levels a scene needs.
+//!
+//! ```text
+//! leaves ──sway──▶ control ──yardstick──▶ q allows ε ──clouds──▶ chain ──yardstick──▶ sizes
+//! ```
 
+mod chain;
+mod clouds;
+mod last;
+mod leaves;
 pub mod looks;
+mod scene;
 pub mod sway;
+mod wishes;
 pub mod yardstick;
 
+pub use chain::{Chosen, Wanted};
+pub use clouds::TriedEpsilon;
+pub use last::{Last, check_last};
+pub use leaves::{Form, LeafLevel, leaf_level};
 pub use looks::Looks;
-pub use yardstick::{Judgement, Yardstick};
+pub use scene::{HORIZON, PIXELS_BY_DISTANCE, Scene};
+pub use wishes::{LARGEST_CROWN, MEMORY, QUALITY, SIZE, Wishes};
+pub use yardstick::{Judgement, Passed, Subject, Yardstick};

@@ -19,7 +19,7 @@ const WAVES: usize = 16;
 const LENGTH: f64 = 0.4;
 
 /// Root mean square of the motion: in R, at least in pixels, and at most in R.
-const MOVE: f64 = 0.025;
+pub const MOVE: f64 = 0.025;
 const LEAST_PIXELS: f64 = 1.5;
 const MOST: f64 = 0.06;
 

@@ -5,13 +5,15 @@
 //! have FLIP of q times the control's; contrast of the three finest octaves, coverage and mean color must be those of the leaves; and from
 //! [`CELLS_FROM`] pixels on the cells of the crown must be covered as in the control.
 //!
-//! Pictures have the diameters of the crown that halve from [`LARGEST`]. O(views · pixels) for each.
+//! Pictures have the diameters of the crown that halve from [`LARGEST`]; each is rendered twice as large, so its pixels are means. O(views ·
+//! pixels) for each.
 
-use leafcloud::Foliage;
-use leafcloud::Image;
+use glam::DVec3;
 use leafcloud::error::Result;
+use leafcloud::lod::Octahedral;
 use leafcloud::metrics::{Comparison, Pictures, Reference, Views};
 use leafcloud::textures::{Samples, mips};
+use leafcloud::{Foliage, Image};
 use leafcloud_flip::crown_pixels;
 use rayon::prelude::*;
 
@@ -21,6 +23,15 @@ use crate::sway::{motion, swayed};
 /// Side of the largest pictures in pixels, half of a usual screen's height, and of the smallest.
 pub const LARGEST: usize = 512;
 const SMALLEST: usize = 16;
+
+/// Side of the pictures in which drafts are judged. How much a level differs over the control hardly follows the size.
+pub const OF_DRAFTS: usize = 128;
+
+/// Diameter of a crown in pixels that is too small to tell a tree from a dot.
+pub const UNJUDGED: f64 = 10.0;
+
+/// Number of views.
+pub const VIEWS: usize = 4;
 
 /// Contrast over the leaves'.
 const CONTRAST: (f64, f64) = (0.75, 1.15);
@@ -35,141 +46,147 @@ const COLOR: f64 = 0.01;
 /// Side of the smallest picture whose cells are compared.
 const CELLS_FROM: usize = 64;
 
-/// What a level has of its allowance in pictures of one size; at most 1 is allowed for each.
-#[derive(Clone, Copy, Debug)]
+/// How a level looks in pictures of one size.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judgement {
     /// Diameter of the crown in pixels.
     pub crown: f64,
-    /// The figures without light and under a sun; of the light with the larger excess.
+    /// The figures without light or under a sun, of the light with the larger [`Self::excess`].
     pub looks: Looks,
     /// FLIP over the control's.
-    pub flip: f64,
+    pub difference: f64,
     /// Cells over the control's; 0 where they are not compared.
-    pub cells: f64,
+    pub places: f64,
 }
 
 impl Judgement {
-    /// Returns the greatest share of an allowance that is used, and its name. `q`: allowed FLIP over the control's.
+    /// Returns the greatest share of an allowance that is used, at most 1 if the level passes, and the name of the figure. `q`: allowed FLIP over
+    /// the control's.
     #[must_use]
     pub fn excess(&self, q: f64) -> (f64, &'static str) {
         let Looks { contrast, coverage, color, .. } = self.looks;
-        let contrast = contrast.map(|ratio| if ratio < 1.0 { (1.0 - ratio) / (1.0 - CONTRAST.0) } else { (ratio - 1.0) / (CONTRAST.1 - 1.0) });
+        let (least, most) = CONTRAST;
+        let used = |ratio: f64| if ratio < 1.0 { (1.0 - ratio) / (1.0 - least) } else { (ratio - 1.0) / (most - 1.0) };
         let cover = if self.crown < SMALL { COVERAGE.1 } else { COVERAGE.0 };
         let all = [
-            (self.flip / q, "difference"),
-            (contrast.into_iter().fold(0.0, f64::max), "contrast"),
+            (self.difference / q, "difference"),
+            (contrast.into_iter().map(used).fold(0.0, f64::max), "contrast"),
             ((coverage - 1.0).abs() / cover, "coverage"),
-            (self.cells, "places"),
+            (self.places, "places"),
             (color / COLOR, "color"),
         ];
         all.into_iter().fold((0.0, "difference"), |most, each| if each.0 > most.0 { each } else { most })
     }
 }
 
-/// Pictures of the leaves and of the control.
-pub struct Yardstick {
-    reference: Reference,
-    /// Pictures of one size each, from the largest.
-    sizes: Vec<Size>,
+/// Something that is judged.
+#[derive(Clone, Copy)]
+pub enum Subject<'a> {
+    /// Triangles.
+    Foliage(&'a Foliage),
+    /// An octahedral impostor.
+    Octahedral(&'a Octahedral),
 }
+
+impl Subject<'_> {
+    fn beside(self, base: &Reference) -> Result<Comparison> {
+        match self {
+            Self::Foliage(foliage) => base.compare(&[foliage]),
+            Self::Octahedral(impostor) => impostor.compare(base),
+        }
+    }
+}
+
+/// Pictures of the leaves and of the control, from the largest.
+pub struct Yardstick(Vec<Size>);
 
 struct Size {
     side: usize,
-    /// The leaves in each view, for each light.
-    base: Vec<Vec<Image>>,
+    /// The leaves, twice as large.
+    reference: Reference,
     /// The control, for each light.
     control: Vec<Looks>,
 }
 
 impl Yardstick {
-    /// Renders the leaves and the control. `still`: parts that no breeze moves, which levels show, too.
+    /// Renders the leaves and the control, with pictures of at most `largest` pixels. `still`: parts that no breeze moves, which levels show, too.
+    /// `lit`: also under a sun.
     ///
     /// # Errors
-    /// Those of a render.
-    pub fn new(leaves: &Foliage, still: Option<&Foliage>, views: Views, lit: bool) -> Result<Self> {
-        let frame = leaves.frame();
+    /// An `up` without a finite length above 0.
+    pub fn new(leaves: &Foliage, still: Option<&Foliage>, up: DVec3, lit: bool, largest: usize) -> Result<Self> {
+        let sides = std::iter::successors(Some(largest), |side| Some(side / 2)).take_while(|side| *side >= SMALLEST);
         let render = if lit { Reference::lit } else { Reference::new };
-        let reference = render(&with(leaves, still), frame, views)?;
-        let mut sizes: Vec<Size> = Vec::new();
-        let mut known: Option<(f64, Comparison)> = None;
-        let sides = std::iter::successors(Some(views.size), |side| Some(side / 2)).take_while(|side| *side >= SMALLEST);
-        for side in sides {
-            let motion = motion(crown_pixels(side as f64));
-            if known.as_ref().is_none_or(|(last, _)| *last != motion) {
-                let control = swayed(leaves, motion)?;
-                // Controls for small pictures are rendered small: twice as large, so that their pixels are means.
-                let smaller = Views { size: (2 * side).min(views.size), ..views };
-                let small = render(&with(leaves, still), frame, smaller)?;
-                known = Some((motion, small.compare(&with(&control, still))?));
-            }
-            let Some((_, control)) = &known else { continue };
-            let base = lights(control).map(|pictures| at(&pictures.base, side)).collect::<Vec<_>>();
-            let looks = lights(control).zip(&base).filter_map(|(pictures, base)| mean(base, &at(&pictures.level, side)));
-            sizes.push(Size { side, control: looks.collect(), base });
-        }
-        Ok(Self { reference, sizes })
-    }
-
-    /// Returns the views with the samples of a picture.
-    ///
-    /// # Errors
-    /// None.
-    pub fn views(count: usize, up: glam::DVec3) -> Result<Views> {
-        Ok(Views { count, size: LARGEST, samples: Samples::new(2)?, up, turn: 0.5 })
-    }
-
-    /// Renders a level in all views.
-    ///
-    /// # Errors
-    /// Those of a render.
-    pub fn pictures(&self, level: &Foliage) -> Result<Comparison> {
-        self.reference.compare(&[level])
-    }
-
-    /// Returns the pictures' views.
-    #[must_use]
-    pub fn reference(&self) -> &Reference {
-        &self.reference
+        let size = |side: usize| {
+            let size = (2 * side).min(LARGEST);
+            let views = Views { count: VIEWS, size, samples: Samples::new(2)?, up, turn: 0.5 };
+            let reference = render(&with(leaves, still), leaves.frame(), views)?;
+            let control = swayed(leaves, motion(crown_pixels(side as f64)))?;
+            let pictures = reference.compare(&with(&control, still))?;
+            let control = lights(&pictures).filter_map(|pictures| mean(pictures, side)).collect();
+            Ok(Size { side, reference, control })
+        };
+        Ok(Self(sides.map(size).collect::<Result<_>>()?))
     }
 
     /// Returns the sides of the pictures, from the largest.
     pub fn sides(&self) -> impl Iterator<Item = usize> + '_ {
-        self.sizes.iter().map(|size| size.side)
+        self.0.iter().map(|size| size.side)
     }
 
-    /// Judges pictures of a level where they are `side` pixels wide. `None` for a size without pictures.
-    #[must_use]
-    pub fn judge(&self, level: &Comparison, side: usize, q: f64) -> Option<Judgement> {
-        let size = self.sizes.iter().find(|size| size.side == side)?;
+    /// Judges a level where its pictures are `side` pixels wide. `None` for an unknown size, or without leaves in the pictures.
+    ///
+    /// # Errors
+    /// Those of a render.
+    pub fn judge(&self, level: Subject, side: usize, q: f64) -> Result<Option<Judgement>> {
+        let Some(Size { reference, control, .. }) = self.0.iter().find(|size| size.side == side) else { return Ok(None) };
         let crown = crown_pixels(side as f64);
-        let of_light = |((pictures, base), control): ((&Pictures, &Vec<Image>), &Looks)| {
-            let looks = mean(base, &at(&pictures.level, side))?;
-            let cells = if side < CELLS_FROM { 0.0 } else { looks.cells / control.cells.max(1e-6) };
-            Some(Judgement { crown, looks, flip: looks.flip / control.flip.max(1e-6), cells })
+        let of_light = |(pictures, control): (&Pictures, &Looks)| {
+            let looks = mean(pictures, side)?;
+            let places = if side < CELLS_FROM { 0.0 } else { looks.cells / control.cells.max(1e-6) };
+            Some(Judgement { crown, looks, difference: looks.flip / control.flip.max(1e-6), places })
         };
-        let judged = lights(level).zip(&size.base).zip(&size.control).filter_map(of_light);
-        judged.max_by(|a, b| a.excess(q).0.total_cmp(&b.excess(q).0))
+        let pictures = level.beside(reference)?;
+        let judged = lights(&pictures).zip(control).filter_map(of_light);
+        Ok(judged.max_by(|a, b| a.excess(q).0.total_cmp(&b.excess(q).0)))
     }
 
-    /// Returns the largest diameter of the crown in pixels at which a level passes, and its judgement in the largest pictures in which it does;
-    /// `None` if it passes in none. Between two sizes the excess is taken as linear in the logarithm of the size.
-    #[must_use]
-    pub fn largest(&self, level: &Comparison, q: f64) -> Option<(f64, Judgement)> {
+    /// Returns the largest diameter of the crown in pixels at which a level passes, up to `most`, with its judgement in the pictures nearest to it.
+    /// Between two sizes the excess is taken as linear in the logarithm of the size. If it passes nowhere: [`UNJUDGED`].
+    ///
+    /// # Errors
+    /// Those of a render.
+    pub fn largest(&self, level: Subject, q: f64, most: f64) -> Result<Option<Passed>> {
         let mut above: Option<Judgement> = None;
         for side in self.sides() {
-            let Some(judged) = self.judge(level, side, q) else { continue };
+            let is_last = side / 2 < SMALLEST;
+            if crown_pixels(side as f64) > 1.5 * most && !is_last {
+                continue;
+            }
+            let Some(judged) = self.judge(level, side, q)? else { continue };
             let (excess, _) = judged.excess(q);
             if excess <= 1.0 {
                 let over = above.map(|above| (above.crown, above.excess(q).0));
-                let size = over.map_or(judged.crown, |(crown, larger)| {
+                let crown = over.map_or(most, |(crown, larger)| {
                     judged.crown * libm::pow(crown / judged.crown, (1.0 - excess) / (larger - excess))
                 });
-                return Some((size, judged));
+                return Ok(Some(Passed { crown: crown.min(most), judged, passes: true }));
             }
             above = Some(judged);
         }
-        None
+        Ok(above.map(|judged| Passed { crown: UNJUDGED, judged, passes: false }))
     }
+}
+
+/// Where a level may take over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passed {
+    /// Diameter of the crown in pixels.
+    pub crown: f64,
+    /// The judgement in the pictures nearest to it.
+    pub judged: Judgement,
+    /// Whether it passes there.
+    pub passes: bool,
 }
 
 fn with<'a>(leaves: &'a Foliage, still: Option<&'a Foliage>) -> Vec<&'a Foliage> {
@@ -181,13 +198,10 @@ fn lights(pictures: &Comparison) -> impl Iterator<Item = &Pictures> {
     std::iter::once(&pictures.flat).chain(&pictures.lit)
 }
 
-/// Returns the pictures halved to a side.
-fn at(pictures: &[Image], side: usize) -> Vec<Image> {
+/// Returns the mean figures over all views, in pictures halved to a side.
+fn mean(pictures: &Pictures, side: usize) -> Option<Looks> {
     let halved = |image: &Image| mips::means(image).into_iter().find(|level| level.width() <= side);
-    pictures.par_iter().filter_map(halved).collect()
-}
-
-fn mean(base: &[Image], others: &[Image]) -> Option<Looks> {
-    let views: Vec<Looks> = base.par_iter().zip(others).filter_map(|(base, other)| Looks::of(base, other)).collect();
+    let look = |(base, level): (&Image, &Image)| Looks::of(&halved(base)?, &halved(level)?);
+    let views: Vec<Looks> = pictures.base.par_iter().zip(pictures.level.par_iter()).filter_map(look).collect();
     Looks::mean(&views)
 }

@@ -13,19 +13,14 @@
 pub mod chart;
 mod choice;
 mod front;
-mod last;
-mod leaves;
 mod memory;
 mod model;
-pub mod quality;
 mod sweep;
 mod text;
 mod within;
 
 pub use choice::Choice;
 pub use front::front;
-pub use last::{Last, Place, check_last, octahedral};
-pub use leaves::{Form, LeafLevel, leaf_level};
 pub use model::{Model, Prediction};
 pub use sweep::{Curve, Point, Refused, Rest, Stages, Sweep, measure, sweep};
 pub use text::{TextPicture, text_picture};

@@ -52,10 +52,12 @@ EPSILON_STEP: float
 """Ratio of the error bounds of consecutive clouds."""
 FRAGMENTS_PER_TRIANGLE: float
 """Price of a triangle in fragments, for its vertices and its set-up; see :func:`drawing_cost`."""
+LARGEST_CROWN: float
+"""Largest diameter of the crown in pixels at which a level takes over by its looks: half of 1080 lines."""
+UNJUDGED_CROWN: float
+"""Diameter of a crown in pixels that is too small to judge. A level that looks different takes over there."""
 HAND_OVER: float
 """The transition a at which the next level takes over. At a = 1 overlapping leaves have almost no depth order."""
-LATER_ERROR: float
-"""Factor on the image error that levels after level 1 may have where they take over."""
 LEAST_SAVING: float
 """Fraction of the cost of drawing the level before that a level must save: ``every_level`` in :func:`build_chain`."""
 RAMP: float
@@ -560,8 +562,77 @@ class LeftOut(TypedDict):
     before: DrawingCost
     """Cost of the level before it there; for the cross impostor, which shows the trunk, with the trunk."""
 
+class Judgement(TypedDict):
+    """How a level looks in pictures of one size, means over four views, of the light with the larger ``excess``."""
+
+    crown_pixels: float
+    """Diameter of the crown."""
+    difference: float
+    """FLIP inside the silhouettes, over that of the control: the leaves as a light breeze has moved them."""
+    contrast: list[float]
+    """Contrast of the three finest octaves inside the crown, over the leaves'."""
+    coverage: float
+    """Sum of alpha over the leaves'."""
+    places: float
+    """Differences of 16 × 16 cells over those of the control; 0 where the picture has fewer than 64 pixels."""
+    color: float
+    """Greatest difference of the mean color of a channel, in [0, 1]."""
+    excess: float
+    """The greatest share that a figure uses of what is allowed: the level passes with at most 1."""
+    by: str
+    """The name of that figure."""
+
+class TakesOver(TypedDict):
+    """Where a level takes over."""
+
+    crown_pixels: float
+    """Diameter of the crown."""
+    passes: bool
+    """Whether the level passes the yardstick there."""
+    judged: Judgement
+    """Its figures in the pictures whose size is nearest."""
+
+class TriedEpsilon(TypedDict):
+    """An error bound that was tried with a draft: the leaves on their planes, without textures."""
+
+    epsilon: float
+    excess: float
+    by: str
+    billboards: int
+
+class Yardstick:
+    """Judges levels by what an equally good tree passes: the same leaves as a light breeze has moved them."""
+
+    def __init__(
+        self,
+        leaves: Foliage,
+        *,
+        still: Foliage | None = None,
+        up: Sequence[float] = (0.0, 0.0, 1.0),
+        lit: bool = True,
+    ) -> None:
+        """Render the leaves and the control in four views. ``still``: the trunk, which levels show, too. ``lit``: also
+        under a sun."""
+    def judge(self, level: Foliage | OctahedralLevel, *, q: float = 1.0) -> list[Judgement]:
+        """Judge a level in pictures of 512 to 16 pixels. ``q``: the difference that is allowed, over the control's."""
+
+def allowed_difference(quality: float) -> float:
+    """Return the difference that a quality in [0, 1] allows, over the control's: 2 at 0, 1 at 0.5, 0.5 at 1."""
+
+def page_side(memory_budget: float) -> int:
+    """Return the greatest side of the first cloud's page, with base color and normals, within a budget in MB."""
+
 class Chain:
     """All levels after the leaves, finest first."""
+    @property
+    def takes_over(self) -> list[TakesOver]:
+        """Where each of ``levels`` takes over by its looks; empty without ``quality``."""
+    @property
+    def plain_takes_over(self) -> TakesOver | None:
+        """Where the cross impostor takes over in place of the octahedral one; ``None`` if there is none."""
+    @property
+    def tried(self) -> list[TriedEpsilon]:
+        """The error bounds that were tried for the first cloud; the last one was chosen."""
     @property
     def levels(self) -> list[AnyLevel]:
         """All levels: the leaf level, if there is one, then ``clouds``. An octahedral impostor replaces the cross
@@ -799,7 +870,12 @@ class ChainOptions(LevelOptions, total=False):
     seconds: float | None  # None
     image_error: float | None  # None
     preset: Preset | None  # None
-    target_error: float | None  # None
+    quality: float | None  # None
+    scene: float  # 50.0
+    memory_budget: float  # 4.0
+    sizes: Sequence[float] | None  # None
+    shares: bool  # False
+    steps: Sequence[tuple[float, float]] | None  # None
     form: Form | None  # "auto"
     last: Last | None  # "cross"
 
@@ -883,12 +959,18 @@ def build_chain(
     ``every_level``: False leaves a level out if it saves less than a tenth of the cost of drawing the level before it,
     where it takes over (``Chain.left_out``, :func:`drawing_cost`). The last level stays if there is no other.
     ``pixels``: size at which a level's deviation appears where the level takes over.
-    ``target_error``: image error in (0, 1) that level 1 may have where it takes over. Lowers ``pixels`` to the
-    predicted deviation there, and chooses ``epsilon``, unless given, so that the tree is cheapest to draw over all
-    distances: a smaller ε takes over nearer and has more triangles. ``None``: the other options decide.
-    ``form``, with ``target_error``: "billboards", "leaves" (level 1 is :class:`LeafLevel`, however little it saves), or
-    "auto": leaves where they make the tree a tenth cheaper to draw. With a leaf level, ``LATER_ERROR`` times
-    ``target_error`` counts for the first cloud.
+    ``quality``: from 0 (fast) to 1 (exact), how little levels differ where they take over
+    (:func:`allowed_difference`). Finds where each level takes over (``Chain.takes_over``), and chooses ``epsilon``, unless
+    given, sizes and pages. A cloud after the first one then saves half of the cost of the level before. ``None``: the
+    other options decide.
+    ``scene``, with ``quality``: distance to the horizon of an even plantation that is cheap to draw, in R.
+    ``memory_budget``, with ``quality``: MB of the levels' compressed textures.
+    ``sizes``, with ``quality``: sizes of the crown where levels take over, as fractions of 1080 lines, descending.
+    ``shares``, with ``quality``: levels are drawn with alpha as a share of a pixel, not cut out.
+    ``form``, with ``quality``: "billboards", "leaves" (level 1 is :class:`LeafLevel`, however little it saves), or
+    "auto": leaves where they make the scene a tenth cheaper to draw.
+    ``steps``: for each cloud its ε and the diameter of the crown in pixels where it takes over, in place of the ε that
+    grow by :data:`EPSILON_STEP` and of ``pixels``.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
     chance decide ``Chain.ranks``.
     ``back_sides``: separate textures for the two sides. ``None``: where leaves are single-sided.

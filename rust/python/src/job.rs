@@ -5,8 +5,10 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use leafcloud::geometry::Frame;
 use leafcloud::lod::ChainSettings;
 use leafcloud::{Foliage, Progress};
+use leafcloud_choose::{Chosen, Wanted};
 use leafcloud_curve::{Curve, Sweep, sweep};
 use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
@@ -16,7 +18,7 @@ use crate::cloud::{CloudInFrame, PyCloud};
 use crate::curve::PyCurve;
 use crate::errors::{Failure, read, refuse, shown};
 use crate::foliage::PyFoliage;
-use crate::goal::{Built, Goal, Wanted};
+use crate::levels::PyChain;
 use crate::options::Options;
 use crate::work::{self, OfThisProcess, PATIENCE, guard};
 
@@ -24,7 +26,7 @@ use crate::work::{self, OfThisProcess, PATIENCE, guard};
 #[derive(Clone)]
 enum Output {
     Cloud(CloudInFrame),
-    Chain(Built),
+    Chain(Chosen, Frame),
     Curve(Arc<Curve>),
 }
 
@@ -32,7 +34,7 @@ impl Output {
     fn into_python(self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         Ok(match self {
             Self::Cloud(cloud) => Py::new(py, PyCloud(cloud))?.into_any(),
-            Self::Chain(built) => Py::new(py, built.into_python())?.into_any(),
+            Self::Chain(chosen, frame) => Py::new(py, PyChain { chosen, frame })?.into_any(),
             Self::Curve(curve) => Py::new(py, PyCurve(curve))?.into_any(),
         })
     }
@@ -59,20 +61,10 @@ impl Work {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let options = Options::new(options)?;
-        let target = options.quality()?;
+        let wishes = options.wishes()?;
         let (settings, wish, last) = (options.chain()?, options.wish()?, options.last()?);
         options.finish()?;
-        let goal = match (target, wish) {
-            (None, None) => Goal::Given,
-            (Some(quality), None) => Goal::Quality(quality),
-            (None, Some(wish)) => Goal::Wish(wish),
-            (Some(_), Some(_)) => {
-                return Err(refuse(
-                    "`target_error` and a wish (`seconds`, `image_error` or `preset`) exclude each other; give one of them",
-                ));
-            }
-        };
-        Ok(Self::Chain(Arc::clone(&foliage.0), trunk_of(trunk)?, Wanted { settings, goal, last }))
+        Ok(Self::Chain(Arc::clone(&foliage.0), trunk_of(trunk)?, Wanted { settings, wish, wishes, last }))
     }
 
     fn curve(
@@ -102,7 +94,10 @@ impl Work {
                 let tell = |cloud: leafcloud::Cloud| better(output(cloud));
                 leafcloud::fit::fit_watched(foliage, settings, progress, &tell).map(output)
             }
-            Self::Chain(foliage, trunk, wanted) => wanted.build(foliage, trunk.as_deref(), progress).map(Output::Chain),
+            Self::Chain(foliage, trunk, wanted) => {
+                let chosen = wanted.build(foliage, trunk.as_deref(), progress)?;
+                Ok(Output::Chain(chosen, *foliage.frame()))
+            }
             Self::Curve(foliage, trunk, settings, wanted) => {
                 let curve = sweep(foliage, trunk.as_deref(), settings, *wanted, progress)?;
                 Ok(Output::Curve(Arc::new(curve)))

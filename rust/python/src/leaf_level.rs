@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use leafcloud::Foliage;
 use leafcloud::geometry::Frame;
-use leafcloud_curve::LeafLevel;
+use leafcloud_choose::LeafLevel;
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -3,9 +3,11 @@
 use std::sync::Arc;
 
 use leafcloud::atlas::Billboard;
-use leafcloud::lod::{Chain, LeftOut, Level, Octahedral, share_page};
+use leafcloud::geometry::Frame;
+use leafcloud::lod::{Chain, LeftOut, Level, share_page};
 use leafcloud::{Error, Foliage};
-use leafcloud_curve::{Offer, Stages};
+use leafcloud_choose::{Chosen, LeafLevel, TriedEpsilon};
+use leafcloud_curve::Stages;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -21,42 +23,45 @@ use crate::leaf_level::PyLeafLevel;
 use crate::octahedral_level::PyOctahedralLevel;
 use crate::tools::cost_dict;
 use crate::work::{guard, interruptible};
+use crate::yardstick::passed_dict;
 
 /// Indices of kept triangles and their growth factors.
 type KeptArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
 
 #[pyclass(name = "Chain", module = "leafcloud", frozen)]
 pub struct PyChain {
-    pub chain: Arc<Chain>,
-    /// R of the leaves.
-    pub radius: f64,
-    /// The settings chosen for a wish.
-    pub offer: Option<Offer>,
-    /// Level 1 as simplified leaves, before the levels of `chain`.
-    pub leaf_level: Option<PyLeafLevel>,
-    /// The last level as an octahedral impostor, drawn in place of the cross impostor of `chain`.
-    pub octahedral: Option<Arc<Octahedral>>,
+    pub chosen: Chosen,
+    /// Frame of the leaves.
+    pub frame: Frame,
+}
+
+impl PyChain {
+    fn chain(&self) -> &Chain {
+        &self.chosen.chain
+    }
 }
 
 #[pymethods]
 impl PyChain {
     #[getter]
     fn chosen<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        self.offer.as_ref().map(|offer| offer_dict(py, offer)).transpose()
+        self.chosen.offer.as_ref().map(|offer| offer_dict(py, offer)).transpose()
     }
 
     #[getter]
     fn seconds(&self) -> f64 {
-        let leaves = self.leaf_level.as_ref().map_or(0.0, |own| own.level.seconds);
-        Stages::of(&self.chain).total() + leaves + self.octahedral.as_ref().map_or(0.0, |own| own.seconds)
+        let Chosen { chain, leaf_level, octahedral, .. } = &self.chosen;
+        let leaves = leaf_level.as_ref().map_or(0.0, |own| own.seconds);
+        Stages::of(chain).total() + leaves + octahedral.as_ref().map_or(0.0, |own| own.seconds)
     }
 
     #[getter]
     fn levels(&self, py: Python<'_>) -> PyResult<Vec<Py<PyAny>>> {
-        let own = self.leaf_level.iter().map(|level| Ok(Py::new(py, level.clone())?.into_any()));
+        let Chosen { leaf_level, octahedral, .. } = &self.chosen;
+        let simplified = |level: &Arc<LeafLevel>| PyLeafLevel { level: Arc::clone(level), frame: self.frame };
+        let own = leaf_level.iter().map(|level| Ok(Py::new(py, simplified(level))?.into_any()));
         let mut clouds = self.clouds();
-        let last = self
-            .octahedral
+        let last = octahedral
             .as_ref()
             .and_then(|impostor| Some(PyOctahedralLevel { impostor: Arc::clone(impostor), cross: clouds.pop()? }));
         let clouds = clouds.into_iter().map(|level| Ok(Py::new(py, level)?.into_any()));
@@ -65,8 +70,32 @@ impl PyChain {
 
     #[getter]
     fn clouds(&self) -> Vec<PyLevel> {
-        let level = |index| PyLevel { chain: Arc::clone(&self.chain), index, radius: self.radius };
-        (0..self.chain.levels.len()).map(level).collect()
+        let Chosen { chain, .. } = &self.chosen;
+        let level = |index| PyLevel { chain: Arc::clone(chain), index, radius: self.frame.radius };
+        (0..chain.levels.len()).map(level).collect()
+    }
+
+    #[getter]
+    fn takes_over<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        self.chosen.takes_over.iter().map(|passed| passed_dict(py, passed, self.chosen.q)).collect()
+    }
+
+    #[getter]
+    fn plain_takes_over<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        self.chosen.plain.iter().map(|passed| passed_dict(py, passed, self.chosen.q)).next().transpose()
+    }
+
+    #[getter]
+    fn tried<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let row = |each: &TriedEpsilon| {
+            let dict = PyDict::new(py);
+            dict.set_item("epsilon", each.epsilon)?;
+            dict.set_item("excess", each.excess.0)?;
+            dict.set_item("by", each.excess.1)?;
+            dict.set_item("billboards", each.billboards)?;
+            Ok(dict)
+        };
+        self.chosen.tried.iter().map(row).collect()
     }
 
     #[getter]
@@ -80,32 +109,32 @@ impl PyChain {
             dict.set_item("before", cost_dict(py, &each.before)?)?;
             Ok(dict)
         };
-        self.chain.left_out.iter().map(row).collect()
+        self.chain().left_out.iter().map(row).collect()
     }
 
     #[getter]
     fn ranks<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
-        self.chain.ranks.clone().into_pyarray(py)
+        self.chain().ranks.clone().into_pyarray(py)
     }
 
     #[getter]
     fn pivots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        vector_rows(py, self.chain.pivots.iter().copied())
+        vector_rows(py, self.chain().pivots.iter().copied())
     }
 
     #[getter]
     fn growth(&self) -> (f64, f64) {
-        (self.chain.growth.first, self.chain.growth.second)
+        (self.chain().growth.first, self.chain().growth.second)
     }
 
     #[getter]
     fn contrast(&self) -> (f64, f64) {
-        (self.chain.contrast.first, self.chain.contrast.second)
+        (self.chain().contrast.first, self.chain().contrast.second)
     }
 
     #[getter]
     fn look_seconds<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let seconds = self.chain.measuring_seconds;
+        let seconds = self.chain().measuring_seconds;
         let dict = PyDict::new(py);
         dict.set_item("order", seconds.order)?;
         dict.set_item("hidden", seconds.hidden)?;
@@ -117,7 +146,7 @@ impl PyChain {
 
     #[getter]
     fn kept<'py>(&self, py: Python<'py>) -> Option<KeptArrays<'py>> {
-        let kept = self.chain.kept.as_ref()?;
+        let kept = self.chain().kept.as_ref()?;
         Some((kept.triangles.clone().into_pyarray(py), kept.growth.clone().into_pyarray(py)))
     }
 }
@@ -125,20 +154,10 @@ impl PyChain {
 /// Puts the levels of several chains with the same number on one page. Chains may have different numbers of levels.
 #[pyfunction]
 pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<Vec<PyChain>> {
-    let own = |chain: &Bound<'_, PyChain>| {
-        let chain = chain.get();
-        (chain.radius, chain.offer, chain.leaf_level.clone(), chain.octahedral.clone())
-    };
-    let owned: Vec<_> = chains.iter().map(own).collect();
-    let chains: Vec<Arc<Chain>> = chains.iter().map(|chain| Arc::clone(&chain.get().chain)).collect();
+    let owned: Vec<(Chosen, Frame)> = chains.iter().map(|own| (own.get().chosen.clone(), own.get().frame)).collect();
+    let chains: Vec<Arc<Chain>> = owned.iter().map(|(chosen, _)| Arc::clone(&chosen.chain)).collect();
     let shared = interruptible(py, move |_| share_all(&chains))?;
-    let with_own = |(chain, (radius, offer, leaf_level, octahedral))| PyChain {
-        chain: Arc::new(chain),
-        radius,
-        offer,
-        leaf_level,
-        octahedral,
-    };
+    let with_own = |(chain, (chosen, frame))| PyChain { chosen: Chosen { chain: Arc::new(chain), ..chosen }, frame };
     Ok(shared.into_iter().zip(owned).map(with_own).collect())
 }
 

@@ -12,7 +12,6 @@ mod compression;
 mod curve;
 mod errors;
 mod foliage;
-mod goal;
 mod image_errors;
 mod job;
 mod ktx2;
@@ -65,6 +64,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
     module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;
     module.add_function(wrap_pyfunction!(tools::leaf_ids, module)?)?;
+    module.add_function(wrap_pyfunction!(yardstick::allowed_difference, module)?)?;
+    module.add_function(wrap_pyfunction!(yardstick::page_side, module)?)?;
     module.add_function(wrap_pyfunction!(tools::keep, module)?)?;
     module.add_function(wrap_pyfunction!(tools::leaf_scale, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::flip_map, module)?)?;

@@ -5,7 +5,8 @@ use leafcloud::atlas::PageSize;
 use leafcloud::fit::{FitSettings, ImageBound, Named, Preference};
 use leafcloud::lod::{ChainSettings, CloudStep, PruneSettings, RefinedParts, ViewCounts};
 use leafcloud::textures::Channels;
-use leafcloud_curve::{Form, Last, Preset, Sweep, Wish};
+use leafcloud_choose::{Form, Last, Wishes};
+use leafcloud_curve::{Preset, Sweep, Wish};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -13,17 +14,6 @@ use crate::arrays;
 use crate::errors::{Failure, read, refuse};
 
 const COUNT: &str = "a whole number between 0 and 2^64 - 1";
-
-/// Choice of the levels by quality.
-#[derive(Clone, Copy)]
-pub struct Quality {
-    /// The image error that level 1 may have where it takes over.
-    pub target: f64,
-    /// Whether ε may change.
-    pub free: bool,
-    /// The form of level 1.
-    pub form: Form,
-}
 
 /// Keyword options. Reading an option removes it.
 pub struct Options<'py>(Option<Bound<'py, PyDict>>);
@@ -228,22 +218,34 @@ impl<'py> Options<'py> {
     }
 
     /// Reads what quality decides, if it decides. Call it before the options of the chain.
-    pub fn quality(&self) -> PyResult<Option<Quality>> {
-        let target: Option<f64> = self.some("target_error", "a number or None")?;
+    pub fn wishes(&self) -> PyResult<Option<Wishes>> {
+        let default = Wishes::default();
+        let quality: Option<f64> = self.some("quality", "a number or None")?;
         let form: Option<String> = self.some("form", "a name or None")?;
-        let free = !self.0.as_ref().is_some_and(|options| options.contains("epsilon").unwrap_or(true));
-        let form = match form.as_deref() {
-            None | Some("auto") => Form::Auto,
-            Some("billboards") => Form::Billboards,
-            Some("leaves") if target.is_none() => {
-                return Err(refuse("form=\"leaves\" needs `target_error`, which judges the simplified leaves"));
-            }
-            Some("leaves") => Form::Leaves,
-            Some(other) => {
-                return Err(refuse(format!("form is {other:?}; use \"auto\", \"billboards\" or \"leaves\"")));
-            }
+        let sizes: Option<Vec<f64>> = self.some("sizes", "a list of shares of the picture's height, or None")?;
+        let wishes = Wishes {
+            quality: quality.unwrap_or(default.quality),
+            horizon: self.number("scene", default.horizon)?,
+            memory: self.number("memory_budget", default.memory)?,
+            shares: self.flag("shares", default.shares)?,
+            free: !self.0.as_ref().is_some_and(|options| options.contains("epsilon").unwrap_or(true)),
+            form: match form.as_deref() {
+                None | Some("auto") => Form::Auto,
+                Some("billboards") => Form::Billboards,
+                Some("leaves") if quality.is_none() => {
+                    return Err(refuse("form=\"leaves\" needs `quality`, which judges the simplified leaves"));
+                }
+                Some("leaves") => Form::Leaves,
+                Some(other) => {
+                    return Err(refuse(format!("form is {other:?}; use \"auto\", \"billboards\" or \"leaves\"")));
+                }
+            },
+            sizes: sizes.unwrap_or_default(),
         };
-        Ok(target.map(|target| Quality { target, free, form }))
+        if !wishes.sizes.is_empty() && quality.is_none() {
+            return Err(refuse("`sizes` needs `quality`, which judges the levels"));
+        }
+        Ok(quality.map(|_| wishes))
     }
 
     /// Reads the form of the last level.

@@ -5,8 +5,9 @@ use leafcloud::limits::{self, Limits};
 use leafcloud::lod::{ChainSettings, EPSILON_STEP, LEAST_SAVING, PruneSettings};
 use leafcloud::polygons::FRAGMENTS_PER_TRIANGLE;
 use leafcloud::{prune, transition};
-use leafcloud_curve::quality::LATER;
-use leafcloud_curve::{IMAGE_ERROR, SECONDS, quality};
+use leafcloud_choose::yardstick::UNJUDGED;
+use leafcloud_choose::{HORIZON, LARGEST_CROWN, MEMORY, QUALITY, SIZE, Wishes};
+use leafcloud_curve::{IMAGE_ERROR, SECONDS};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMappingProxy};
 
@@ -34,7 +35,8 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PySetting>()?;
     module.add("SETTINGS", PyMappingProxy::new(module.py(), settings.as_mapping()))?;
     module.add("EPSILON_STEP", EPSILON_STEP)?;
-    module.add("LATER_ERROR", LATER)?;
+    module.add("LARGEST_CROWN", LARGEST_CROWN)?;
+    module.add("UNJUDGED_CROWN", UNJUDGED)?;
     module.add("LEAST_SAVING", LEAST_SAVING)?;
     module.add("FRAGMENTS_PER_TRIANGLE", FRAGMENTS_PER_TRIANGLE)?;
     module.add("HAND_OVER", transition::HAND_OVER)?;
@@ -66,7 +68,7 @@ fn fit_settings() -> Vec<Named> {
 }
 
 fn chain_settings() -> Vec<Named> {
-    let (chain, pruning) = (ChainSettings::default(), PruneSettings::default());
+    let (chain, pruning, wishes) = (ChainSettings::default(), PruneSettings::default(), Wishes::default());
     vec![
         count("levels", limits::LEVELS, Some(chain.levels as u64)),
         count("triangles", limits::TRIANGLES, chain.triangles.map(|most| most as u64)),
@@ -82,7 +84,10 @@ fn chain_settings() -> Vec<Named> {
         real("prune_half", limits::PRUNE_HALF, Some(pruning.half)),
         real("seconds", SECONDS, None),
         real("image_error", IMAGE_ERROR, None),
-        real("target_error", quality::TARGET, None),
+        real("quality", QUALITY, Some(wishes.quality)),
+        real("scene", HORIZON, Some(wishes.horizon)),
+        real("memory_budget", MEMORY, Some(wishes.memory)),
+        real("sizes", SIZE, None),
     ]
 }
 

@@ -13,6 +13,10 @@ const MOST: usize = 3000;
 const SHARE: f64 = 0.15;
 const SHARE_OF_MODELLED: f64 = 0.10;
 
+/// The same in a scene: where level 1 takes over near the viewer, its fragments cost more than its triangles, and small billboards save fragments.
+const MOST_IN_SCENES: usize = 4000;
+const SHARE_IN_SCENES: f64 = 0.2;
+
 /// Least factor from the first budget to the second.
 const WORTH_A_TRY: f64 = 1.25;
 
@@ -21,6 +25,7 @@ const LEAST: usize = 500;
 
 /// Divisor of the triangles from one level to the next, at most.
 const STEP: usize = 3;
+const STEP_IN_SCENES: usize = 4;
 
 /// Largest share of level 1's triangles for the trunk.
 const TRUNK_SHARE: f64 = 0.25;
@@ -34,17 +39,21 @@ pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Folia
     if let Some(wish) = settings.triangles {
         return vec![without_trunk(wish)];
     }
-    let share = if leaves.has_cutouts() { SHARE } else { SHARE_OF_MODELLED };
+    let (share, most) = match (settings.steps.is_empty(), leaves.has_cutouts()) {
+        (false, _) => (SHARE_IN_SCENES, MOST_IN_SCENES),
+        (true, true) => (SHARE, MOST),
+        (true, false) => (SHARE_OF_MODELLED, MOST),
+    };
     let wished = (share * (leaves.triangle_count() + trunk) as f64) as usize;
-    let most = MOST.min(leaves.triangle_count() * 3 / 4);
+    let most = most.min(leaves.triangle_count() * 3 / 4);
     let first = wished.max(LEAST).min(most);
     let larger = (WORTH_A_TRY * (first as f64) < most as f64).then_some(most);
     std::iter::once(first).chain(larger).map(without_trunk).collect()
 }
 
 /// Returns the budget for the level after one that draws `finer` triangles.
-pub fn of_next(finer: usize) -> usize {
-    finer / STEP
+pub fn of_next(settings: &ChainSettings, finer: usize) -> usize {
+    finer / if settings.steps.is_empty() { STEP } else { STEP_IN_SCENES }
 }
 
 #[cfg(test)]

@@ -198,7 +198,7 @@ pub fn build_chain_of(
         };
         let budgets = made.levels.last().map_or_else(
             || budget::of_first(settings, origin.finest, trunk.as_ref()),
-            |finer| vec![budget::of_next(finer.atlas.triangles())],
+            |finer| vec![budget::of_next(settings, finer.atlas.triangles())],
         );
         let found = 1.0 - settings.refine.share();
         let candidates = budgets.iter().enumerate().map(|(i, &triangles)| {

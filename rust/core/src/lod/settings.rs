@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::refine::{RefinedParts, Refinement};
+use super::worth::{LEAST_SAVING, LEAST_SAVING_IN_SCENES};
 use crate::atlas::PageSize;
 use crate::error::{Error, Result};
 use crate::fit::{FitSettings, ImageBound, Method};
@@ -233,6 +234,12 @@ impl ChainSettings {
             whole_leaves: true,
             ..self.fit.clone()
         }
+    }
+
+    /// Returns the least share of the cost of the level before that a level must save, after `count` levels. Clouds that are built for a scene
+    /// save half.
+    pub(super) fn least_saving(&self, count: usize) -> f64 {
+        if self.steps.is_empty() || count == 0 { LEAST_SAVING } else { LEAST_SAVING_IN_SCENES }
     }
 
     /// Returns R in pixels where the level with this index, from 0, takes over; `deviation`: its deviation as a share of R.

@@ -13,6 +13,9 @@ use crate::progress::Progress;
 /// no more is not worth its textures.
 pub const LEAST_SAVING: f64 = 0.1;
 
+/// Least share that a level after the first must save in a scene: each takes memory of the scene's budget.
+pub const LEAST_SAVING_IN_SCENES: f64 = 0.5;
+
 /// A level that was not made, because it saves less than a tenth of the cost of drawing the level before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeftOut {
@@ -46,12 +49,13 @@ impl Made {
         settings: &ChainSettings,
         progress: Progress,
     ) -> Result<Option<f64>> {
+        let saving = settings.least_saving(self.levels.len());
         let mut cheapest: Option<LeftOut> = None;
         for level in candidates {
             let level = level?;
             let stays = settings.every_level || (last && self.levels.is_empty());
             let costs = if stays { None } else { Some(LeftOut::of(&level, before, settings, progress)?) };
-            match costs.filter(|costs| !costs.is_worth_making()) {
+            match costs.filter(|costs| !costs.saves(saving)) {
                 None => {
                     let epsilon = level.epsilon;
                     self.levels.push(level);
@@ -86,7 +90,7 @@ pub(super) struct Before<'a> {
 impl LeftOut {
     /// Returns the costs of a level and of the level before it, where the level takes over.
     fn of(level: &Level, before: &Before, settings: &ChainSettings, progress: Progress) -> Result<Self> {
-        let scale = scale(level);
+        let scale = scale(level, settings);
         let count = |leaves: &Foliage, trunk: Option<&Foliage>| {
             let parts: Vec<&Foliage> = std::iter::once(leaves).chain(trunk).collect();
             drawing_cost(&parts, scale, settings.up, progress)
@@ -100,15 +104,19 @@ impl LeftOut {
         })
     }
 
-    fn is_worth_making(&self) -> bool {
-        self.cost.total() <= (1.0 - LEAST_SAVING) * self.before.total()
+    fn saves(&self, share: f64) -> bool {
+        self.cost.total() <= (1.0 - share) * self.before.total()
     }
 }
 
+/// Share of the size where a level takes over at which it is compared in a scene: half of the trees that it draws are smaller still.
+const MIDDLE_OF_BAND: f64 = 0.3;
+
 /// Returns the pixels of a length of 1, in the caller's units, where a level takes over: where it was built to, and where its texels are as
-/// large as a pixel or smaller.
-fn scale(level: &Level) -> f64 {
-    level.radius_pixels.min(1.0 / level.atlas.texel()) / level.frame.radius
+/// large as a pixel or smaller. In a scene: in the middle of the distances at which the level is drawn.
+fn scale(level: &Level, settings: &ChainSettings) -> f64 {
+    let share = if settings.steps.is_empty() { 1.0 } else { MIDDLE_OF_BAND };
+    share * level.radius_pixels.min(1.0 / level.atlas.texel()) / level.frame.radius
 }
 
 #[cfg(test)]

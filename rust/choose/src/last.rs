@@ -1,17 +1,19 @@
 //! The form of the last level: the cross impostor, or an octahedral impostor where it is cheaper.
 //!
 //! The octahedral impostor looks like the leaves at a larger size, so it replaces the level before over more distances. But a pixel of it
-//! costs three of another level's. It is chosen if it saves a tenth of the cost of the level before, in the middle of these distances.
+//! costs three of another level's. It is chosen if it passes the yardstick and saves a tenth of the cost of the level before, in the middle of
+//! these distances.
 
 use std::sync::Arc;
 
 use leafcloud::error::Result;
 use leafcloud::lod::octahedral::{Layout, Octahedral, Size};
 use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING, References};
-use leafcloud::metrics::{Comparison, drawing_cost};
+use leafcloud::metrics::drawing_cost;
 use leafcloud::{Error, Foliage, Progress};
-use leafcloud_flip::{ImageErrors, SMALLEST, crown_pixels};
 use leafcloud_simplify::SimplifiedLeaves;
+
+use crate::yardstick::{Passed, Subject, Yardstick};
 
 /// Which form the last level may have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,7 +28,11 @@ pub enum Last {
 }
 
 /// Least ratio of the distances at which two levels take over, so that each is drawn.
-const LEAST_STEP: f64 = 1.25;
+pub const LEAST_STEP: f64 = 1.25;
+
+/// Largest diameter of the crown in pixels at which an octahedral impostor takes over. Three blended views lose the finest texture of larger ones,
+/// and its pages have a quarter of the texels of those for twice the size.
+const LARGEST: f64 = 30.0;
 
 /// What an octahedral impostor would show and replace.
 #[derive(Clone, Copy)]
@@ -37,8 +43,8 @@ pub struct Place<'a> {
     pub simpler: Option<&'a SimplifiedLeaves>,
     /// The level before the cross impostor.
     pub before: &'a Foliage,
-    /// Pictures of that level; `None` for the leaves.
-    pub before_pictures: Option<&'a Comparison>,
+    /// Diameter of the crown in pixels where that level takes over; infinite for the leaves.
+    pub before_crown: f64,
     /// The chain of the tree.
     pub chain: &'a Chain,
 }
@@ -66,21 +72,22 @@ pub fn check_last(last: Last, settings: &ChainSettings) -> Result<()> {
     Ok(())
 }
 
-/// Returns the octahedral impostor to draw instead of the chain's cross impostor; `None` if the cross impostor is drawn, or if it is left out.
+/// Returns the octahedral impostor to draw instead of the chain's cross impostor, and where it takes over; `None` if the cross impostor is drawn, or
+/// if it is left out.
 ///
-/// `target`: the image error that it may have where it takes over; without it, [`Last::Auto`] keeps the cross impostor.
+/// `judge`: by what it is chosen; without it, [`Last::Auto`] keeps the cross impostor.
 ///
 /// # Errors
 /// Those of [`check_last`]; [`Error::Cancelled`].
 pub fn octahedral(
     last: Last,
-    target: Option<f64>,
+    judge: Option<&Judge>,
     place: Place,
     settings: &ChainSettings,
     progress: Progress,
-) -> Result<Option<Octahedral>> {
+) -> Result<Option<(Octahedral, Option<Passed>)>> {
     check_last(last, settings)?;
-    let cross = place.chain.levels.last().filter(|level| level.is_cross());
+    let Some(cross) = place.chain.levels.last().filter(|level| level.is_cross()) else { return Ok(None) };
     let build = |size: Size| {
         let simpler = place.simpler(settings.up, size);
         let known = place.chain.whole.clone();
@@ -88,49 +95,39 @@ pub fn octahedral(
         let references = &*known.map_or_else(measured, Ok)?;
         Octahedral::build(place.parts, simpler, size, references, settings, progress)
     };
-    match (last, cross, target) {
-        (Last::Octahedral, Some(_), _) => build(Size::default()).map(Some),
-        (Last::Auto, Some(cross), Some(target)) => {
-            let up = settings.up;
-            let range = Range { smallest: crown(&cross.pictures, target), place, up };
-            // At best it takes over where its texels are as large as pixels, and some time after the level before.
-            let before = place.before_pictures.map_or(f64::INFINITY, |pictures| crown(pictures, target) / LEAST_STEP);
-            let largest = before.min(Size::default().texels as f64);
-            let size = Size::for_crown(largest);
-            let layout = Layout::around(place.parts, up, size);
-            if range.saving(largest, &layout)? < LEAST_SAVING {
-                return Ok(None);
-            }
-            let built = build(size)?;
-            let is_worth_it = range.saving(crown(&built.pictures, target).min(largest), &layout)? >= LEAST_SAVING;
-            Ok(is_worth_it.then_some(built))
-        }
-        _ => Ok(None),
+    let Some(judge) = judge else {
+        return if last == Last::Octahedral { build(Size::default()).map(|built| Some((built, None))) } else { Ok(None) };
+    };
+    if last == Last::Cross {
+        return Ok(None);
     }
+    let largest = LARGEST.min(place.before_crown / LEAST_STEP);
+    let built = build(Size::for_crown(largest))?;
+    let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
+    let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, largest)?;
+    let is_worth_it = match (passed, cross) {
+        (Some(own), Some(cross)) if own.passes => saving(place, own.crown, cross, &built.layout, settings.up)? >= LEAST_SAVING,
+        _ => false,
+    };
+    Ok((last == Last::Octahedral || is_worth_it).then_some((built, passed)))
 }
 
-/// Returns the diameter of the crown in pixels up to which a level is within the target.
-fn crown(pictures: &Comparison, target: f64) -> f64 {
-    crown_pixels(ImageErrors::up_to(pictures, target).largest_size(target).unwrap_or(SMALLEST as f64))
+/// By what an octahedral impostor is judged.
+pub struct Judge<'a> {
+    /// Pictures of leaves and trunk.
+    pub yardstick: &'a Yardstick,
+    /// Allowed FLIP over the control's.
+    pub q: f64,
 }
 
-/// The sizes of the crown at which the octahedral impostor replaces the level before.
-struct Range<'a> {
-    /// Diameter in pixels where the cross impostor takes over.
-    smallest: f64,
-    place: Place<'a>,
-    up: glam::DVec3,
-}
-
-impl Range<'_> {
-    /// Returns the share of the cost that the impostor saves in the middle of the range that ends at `largest` pixels; 0 without a range.
-    fn saving(&self, largest: f64, layout: &Layout) -> Result<f64> {
-        if largest <= self.smallest {
-            return Ok(0.0);
-        }
-        let frame = self.place.parts[0].frame();
-        let scale = 0.5 * (self.smallest * largest).sqrt() / frame.radius;
-        let before = drawing_cost(&[self.place.before], scale, self.up, Progress::silent())?.total();
-        Ok(1.0 - layout.cost(frame, scale, self.up)?.total() / before)
+/// Returns the share of the cost of the level before that the impostor saves where the cross impostor may not yet take over.
+fn saving(place: Place, crown: f64, cross: Passed, layout: &Layout, up: glam::DVec3) -> Result<f64> {
+    let farther = if cross.passes { cross.crown } else { 0.25 * crown };
+    if crown <= farther {
+        return Ok(0.0);
     }
+    let frame = place.parts[0].frame();
+    let scale = 0.5 * (farther * crown).sqrt() / frame.radius;
+    let before = drawing_cost(&[place.before], scale, up, Progress::silent())?.total();
+    Ok(1.0 - layout.cost(frame, scale, up)?.total() / before)
 }

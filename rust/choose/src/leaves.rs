@@ -1,7 +1,7 @@
 //! Simplified leaves as level 1, where they are worth it.
 //!
 //! Broad and curved leaves of several triangles are drawn with fewer ones long before billboards look like them. The best bound is the one
-//! with which the tree is cheapest to draw at all distances, the leaves where they are nearer than the level may take over.
+//! with which the scene is cheapest to draw, the leaves where they are nearer than the level may take over.
 
 use std::time::Instant;
 
@@ -9,13 +9,13 @@ use leafcloud::error::Result;
 use leafcloud::lod::{ChainSettings, LEAST_SAVING, Origin, report_pictures};
 use leafcloud::metrics::Comparison;
 use leafcloud::{Error, Foliage, Progress};
-use leafcloud_flip::crown_pixels;
 use leafcloud_simplify::{SimplifiedLeaves, simplified_leaves};
 
-use crate::quality::{Scale, cost, costs, octave_of};
+use crate::wishes::{LARGEST_CROWN, Wishes};
+use crate::yardstick::{Passed, Subject, Yardstick};
 
-/// Bounds that are tried, in R, by about √2.
-const BOUNDS: [f64; 6] = [0.004, 0.0056, 0.008, 0.011, 0.016, 0.022];
+/// Bounds that are tried, in R, by about 2.
+const BOUNDS: [f64; 3] = [0.005, 0.01, 0.02];
 
 /// Mean number of triangles of a leaf from which simpler leaves are looked for: cards have two.
 const WORTH_A_TRY: f64 = 2.5;
@@ -37,8 +37,8 @@ pub enum Form {
 pub struct LeafLevel {
     /// The leaves.
     pub leaves: SimplifiedLeaves,
-    /// The cost of drawing them in the middle of each octave of sizes.
-    pub(crate) costs: Vec<f64>,
+    /// Where they may take over.
+    pub passed: Passed,
     /// Pictures of the tree's own leaves and of these in the report's views.
     pub pictures: Comparison,
     /// Seconds for finding them.
@@ -53,49 +53,49 @@ impl LeafLevel {
     }
 }
 
-/// Returns simplified leaves that may take over where their image error is `target`. `None` for billboards: with [`Form::Auto`] if simplified
-/// leaves do not save a tenth of the cost of drawing the leaves, both where they take over and at all distances, or if leaves have too few triangles.
+/// Returns simplified leaves that pass the yardstick. `None` for billboards: with [`Form::Auto`] if simplified leaves do not save a tenth of the
+/// cost of the scene, or if leaves have too few triangles.
 ///
 /// # Errors
 /// No simpler leaves for [`Form::Leaves`]; a setting outside its range; [`Error::Cancelled`](leafcloud::Error::Cancelled).
 pub fn leaf_level(
-    target: f64,
-    scale: &Scale,
+    foliage: &Foliage,
+    wishes: &Wishes,
+    yardstick: &Yardstick,
     settings: &ChainSettings,
-    form: Form,
     progress: Progress,
 ) -> Result<Option<LeafLevel>> {
-    let Scale { leaves: foliage, costs: whole, .. } = scale;
+    let (form, q) = (wishes.form, wishes.q());
     let are_cards = (foliage.triangle_count() as f64) < WORTH_A_TRY * foliage.leaf_count() as f64;
     if form == Form::Billboards || form == Form::Auto && are_cards {
         return Ok(None);
     }
-    let started = Instant::now();
+    let (started, scene) = (Instant::now(), wishes.scene()?);
+    let whole = scene.costs(foliage, settings.up)?;
     let most = settings.triangles.unwrap_or(usize::MAX);
     let saving = if form == Form::Auto { LEAST_SAVING } else { 0.0 };
-    let mut least = whole.iter().sum::<f64>() * (1.0 - saving);
+    let mut least = scene.cost(0.0, &whole, &whole) * (1.0 - saving);
     let mut best = None;
     for bound in BOUNDS {
         let Some(leaves) = simplified_leaves(foliage, bound, progress)? else { continue };
-        let Some(size) = scale.largest_size(&leaves.foliage, target)? else { break };
-        let own = costs(&leaves.foliage, settings)?;
-        let found = cost(crown_pixels(size), whole, &own);
-        let there = octave_of(crown_pixels(size));
-        let is_worth_making = own[there] < (1.0 - saving) * whole[there];
-        if is_worth_making && found < least && leaves.foliage.triangle_count() <= most {
-            (least, best) = (found, Some((leaves, own)));
+        let passed = yardstick.largest(Subject::Foliage(&leaves.foliage), q, LARGEST_CROWN)?;
+        let Some(passed) = passed.filter(|passed| passed.passes) else { break };
+        let own = scene.costs(&leaves.foliage, settings.up)?;
+        let found = scene.cost(passed.crown, &whole, &own);
+        if found < least && leaves.foliage.triangle_count() <= most {
+            (least, best) = (found, Some((leaves, passed)));
         } else if best.is_some() {
             break; // The cost has one minimum: coarser leaves take over later.
         }
     }
-    let Some((leaves, costs)) = best else {
+    let Some((leaves, passed)) = best else {
         return match form {
-            Form::Leaves => Err(Error::invalid(format!(
-                "form is \"leaves\", but no leaves with fewer triangles have an image error of {target:.3} or less; use \"auto\""
-            ))),
+            Form::Leaves => Err(Error::invalid(
+                "form is \"leaves\", but no leaves with fewer triangles look like the tree's at any size; use \"auto\"",
+            )),
             _ => Ok(None),
         };
     };
     let pictures = report_pictures(foliage, &leaves.foliage, settings)?;
-    Ok(Some(LeafLevel { leaves, costs, pictures, seconds: started.elapsed().as_secs_f64() }))
+    Ok(Some(LeafLevel { leaves, passed, pictures, seconds: started.elapsed().as_secs_f64() }))
 }

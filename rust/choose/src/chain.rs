@@ -1,0 +1,284 @@
+//! The chain for a scene: wishes and facts in, levels and reasons out.
+//!
+//! 1. Simplified leaves are level 1 where leaves have several triangles and the scene gets cheaper ([`crate::leaves`]).
+//! 2. Drafts find the ε that the quality allows ([`crate::clouds`]). Pages get the texels that the memory allows.
+//! 3. The clouds are built, each for a size. One that does not save half of the cost of the level before is left out.
+//! 4. The yardstick tells the largest size at which each level passes, with the page that files hold. It takes over there.
+//! 5. The octahedral impostor follows where it passes ([`crate::last`]).
+//!
+//! The choice depends on FLIP, whose last digits differ between machines. Figures are rounded where ε follows from them.
+
+use std::sync::Arc;
+
+use leafcloud::error::Result;
+use leafcloud::lod::{self, Chain, ChainSettings, LEAST_SAVING, Level, Octahedral, Origin, ViewCounts};
+use leafcloud::metrics::drawing_cost;
+use leafcloud::{Foliage, Progress};
+use leafcloud_curve::{Offer, Wish, build_within};
+
+use crate::clouds::{TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
+use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
+use crate::leaves::{LeafLevel, leaf_level};
+use crate::wishes::{LARGEST_CROWN, Wishes};
+use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
+
+/// Side of the largest pictures of leaves with their trunk: impostors take over where the crown is small.
+const LARGEST_OF_IMPOSTORS: usize = 64;
+
+/// Most views of a quick choice.
+const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
+
+/// Shares of the progress: for simplified leaves and drafts, and for the clouds.
+const SHARE_OF_CHOICE: f64 = 0.3;
+const SHARE_OF_CLOUDS: f64 = 0.85;
+
+/// Diameter of the crown in pixels where a level takes over at the latest.
+const LEAST_CROWN: f64 = 16.0;
+
+/// Fragments that a level may draw over the leaves', for crowns of at least [`FEW_PIXELS`] and for smaller ones, where triangles cost more.
+const MOST_FRAGMENTS: (f64, f64) = (1.05, 2.0);
+const FEW_PIXELS: f64 = 100.0;
+
+/// A chain that is wanted.
+pub struct Wanted {
+    /// Settings of the chain.
+    pub settings: ChainSettings,
+    /// A time, an error or a preset that decides the settings.
+    pub wish: Option<Wish>,
+    /// What quality decides: where levels take over, and the settings that are free.
+    pub wishes: Option<Wishes>,
+    /// The form of the last level.
+    pub last: Last,
+}
+
+/// A chain with the reasons for its levels.
+#[derive(Clone)]
+pub struct Chosen {
+    /// The clouds and the cross impostor.
+    pub chain: Arc<Chain>,
+    /// The settings chosen for a time, an error or a preset.
+    pub offer: Option<Offer>,
+    /// Simplified leaves before the clouds.
+    pub leaf_level: Option<Arc<LeafLevel>>,
+    /// The octahedral impostor, drawn in place of the cross impostor.
+    pub octahedral: Option<Arc<Octahedral>>,
+    /// Where each level takes over, in the order of distances; empty if quality does not decide.
+    pub takes_over: Vec<Passed>,
+    /// Where the cross impostor takes over in files in place of the octahedral one.
+    pub plain: Option<Passed>,
+    /// The ε that were tried; the last one was chosen.
+    pub tried: Vec<TriedEpsilon>,
+    /// Allowed FLIP over the control's.
+    pub q: f64,
+}
+
+impl Wanted {
+    /// Builds the chain.
+    ///
+    /// # Errors
+    /// A setting or wish outside its range; the errors of [`lod::build_chain`]; [`Error::Cancelled`](leafcloud::Error::Cancelled).
+    pub fn build(&self, foliage: &Foliage, trunk: Option<&Foliage>, progress: Progress) -> Result<Chosen> {
+        let Self { settings, wish, wishes, last } = self;
+        check_last(*last, settings)?;
+        settings.check()?;
+        let Some(wishes) = wishes else {
+            let clouds = progress.part(0.0, if *last == Last::Cross { 1.0 } else { SHARE_OF_CLOUDS });
+            let built = built(foliage, trunk, settings, *wish, clouds)?;
+            return Tree { foliage, trunk, settings }.finished(built, None, *last, progress);
+        };
+        wishes.check()?;
+        let settings = &if wishes.is_quick() { with_fewer_views(settings) } else { settings.clone() };
+        progress.tell("measure", 0.0)?;
+        let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), LARGEST)?;
+        let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
+        let chosen = match wish {
+            None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
+                let choosing = progress.part(0.0, SHARE_OF_CHOICE);
+                for_scene(foliage, trunk, settings, wishes, &yardstick, [choosing, clouds])?
+            }
+            _ => built(foliage, trunk, settings, *wish, clouds)?,
+        };
+        let tree = Tree { foliage, trunk, settings };
+        let judged = tree.judged(chosen, wishes, &yardstick)?;
+        tree.finished(judged, Some(wishes), *last, progress)
+    }
+}
+
+/// Builds the chain of given settings, or for a wish.
+fn built(
+    foliage: &Foliage,
+    trunk: Option<&Foliage>,
+    settings: &ChainSettings,
+    wish: Option<Wish>,
+    progress: Progress,
+) -> Result<Chosen> {
+    let (chain, offer) = match wish {
+        None => (lod::build_chain(foliage, trunk, settings, progress)?, None),
+        Some(wish) => {
+            let within = build_within(foliage, trunk, settings, wish, progress)?;
+            (within.chain, Some(within.offer))
+        }
+    };
+    Ok(Chosen {
+        chain: Arc::new(chain),
+        offer,
+        leaf_level: None,
+        octahedral: None,
+        takes_over: Vec::new(),
+        plain: None,
+        tried: Vec::new(),
+        q: 1.0,
+    })
+}
+
+/// Chooses settings for the scene, and builds their chain.
+fn for_scene(
+    foliage: &Foliage,
+    trunk: Option<&Foliage>,
+    settings: &ChainSettings,
+    wishes: &Wishes,
+    yardstick: &Yardstick,
+    [choosing, clouds]: [Progress; 2],
+) -> Result<Chosen> {
+    let leaf_level = leaf_level(foliage, wishes, yardstick, settings, choosing.part(0.0, 0.4))?;
+    let origin = leaf_level.as_ref().map_or(Origin::of(foliage), |level| level.origin(foliage));
+    let (steps, tried) = if wishes.free {
+        // Billboards show the normals that leaves had before they collapsed.
+        let finest = origin.finest.with_normals();
+        let tried = tried_epsilons(wishes, yardstick, &finest, trunk, settings, choosing.part(0.4, 1.0))?;
+        let epsilon = tried.last().map_or(settings.fit.epsilon, |chosen| chosen.epsilon);
+        (steps(wishes, epsilon, settings.levels), tried)
+    } else {
+        (given_steps(wishes, settings.fit.epsilon, settings.levels), Vec::new())
+    };
+    let settings = ChainSettings { levels: steps.len(), steps, ..within_memory(settings, wishes) };
+    let chain = lod::build_chain_of(origin, trunk, &settings, clouds)?;
+    Ok(Chosen {
+        chain: Arc::new(chain),
+        offer: None,
+        leaf_level: leaf_level.map(Arc::new),
+        octahedral: None,
+        takes_over: Vec::new(),
+        plain: None,
+        tried,
+        q: wishes.q(),
+    })
+}
+
+/// Returns the settings with pages within the budget of memory, unless they are given.
+fn within_memory(settings: &ChainSettings, wishes: &Wishes) -> ChainSettings {
+    let channels = settings.channels.completed();
+    let images = 1 + [channels.normal.is_some(), channels.orm, channels.translucency].into_iter().filter(|on| *on).count();
+    let side = wishes.page_side(images).min(settings.texture_size.width);
+    let texture_size = if settings.fitting_pages { side.into() } else { settings.texture_size };
+    ChainSettings { texture_size, ..settings.clone() }
+}
+
+fn with_fewer_views(settings: &ChainSettings) -> ChainSettings {
+    let ViewCounts { order, amounts, report } = settings.views;
+    let views = ViewCounts {
+        order: order.min(FEWER.order),
+        amounts: amounts.min(FEWER.amounts),
+        report: report.min(FEWER.report),
+    };
+    ChainSettings { views, ..settings.clone() }
+}
+
+/// A tree with the settings of its chain.
+struct Tree<'a> {
+    foliage: &'a Foliage,
+    trunk: Option<&'a Foliage>,
+    settings: &'a ChainSettings,
+}
+
+impl Tree<'_> {
+    /// Finds where leaves and clouds take over.
+    fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick) -> Result<Chosen> {
+        let mut takes_over: Vec<Passed> = chosen.leaf_level.iter().map(|level| level.passed).collect();
+        let mut before = chosen.leaf_level.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
+        for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
+            let most = takes_over.last().map_or(LARGEST_CROWN, |finer| finer.crown / LEAST_STEP);
+            // A level is not built to pass where it is much larger than planned.
+            let most = most.min(3.0 * level.radius_pixels * 2.0);
+            let shown = drawn(level, wishes)?;
+            let passed = yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
+            let Some(passed) = passed else { continue };
+            let crown = match wishes.crown(number) {
+                Some(crown) => crown,
+                None => self.cheaper_from(passed.crown, &shown, &before)?,
+            };
+            takes_over.push(Passed { crown, ..passed });
+            before = shown;
+        }
+        Ok(without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level))
+    }
+
+    /// Returns the largest diameter of the crown in pixels, up to `crown`, at which a level is cheaper to draw than the level before it, and draws no
+    /// more fragments than the tree's own leaves.
+    fn cheaper_from(&self, crown: f64, level: &Foliage, before: &Foliage) -> Result<f64> {
+        let mut size = crown;
+        while size > LEAST_CROWN {
+            let cost = |foliage: &Foliage| {
+                let scale = 0.5 * size / self.foliage.frame().radius;
+                drawing_cost(&[foliage], scale, self.settings.up, Progress::silent())
+            };
+            let most = if size < FEW_PIXELS { MOST_FRAGMENTS.1 } else { MOST_FRAGMENTS.0 };
+            let (own, coarser, leaves) = (cost(level)?, cost(before)?, cost(self.foliage)?);
+            if own.total() < (1.0 - LEAST_SAVING) * coarser.total() && own.fragments <= most * leaves.fragments {
+                break;
+            }
+            size /= std::f64::consts::SQRT_2;
+        }
+        Ok(size.max(LEAST_CROWN.min(crown)))
+    }
+
+    /// Adds the octahedral impostor, and finds where the last level takes over.
+    fn finished(&self, chosen: Chosen, wishes: Option<&Wishes>, last: Last, progress: Progress) -> Result<Chosen> {
+        let Some(cross) = chosen.chain.levels.last().filter(|level| level.is_cross()) else { return Ok(chosen) };
+        if wishes.is_none() && last != Last::Octahedral {
+            return Ok(chosen);
+        }
+        let before = chosen.chain.levels.iter().rev().nth(1).map(Level::foliage).transpose()?;
+        let simpler = chosen.leaf_level.as_ref().map(|level| &level.leaves);
+        let parts: Vec<&Foliage> = std::iter::once(self.foliage).chain(self.trunk).collect();
+        let before_crown = chosen.takes_over.last().map_or(f64::INFINITY, |passed| passed.crown);
+        let of_leaves = simpler.map_or(self.foliage, |simpler| &simpler.foliage);
+        let before = before.as_ref().unwrap_or(of_leaves);
+        let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain };
+        let progress = progress.part(SHARE_OF_CLOUDS, 1.0);
+        let Some(wishes) = wishes else {
+            let made = octahedral(last, None, place, self.settings, progress)?;
+            return Ok(Chosen { octahedral: made.map(|(impostor, _)| Arc::new(impostor)), ..chosen });
+        };
+        let settings = self.settings;
+        let yardstick = Yardstick::new(self.foliage, self.trunk, settings.up, settings.is_lit(), LARGEST_OF_IMPOSTORS)?;
+        let judge = Judge { yardstick: &yardstick, q: wishes.q() };
+        let made = octahedral(last, Some(&judge), place, settings, progress)?;
+        let most = (before_crown / LEAST_STEP).min(LARGEST_CROWN);
+        let of_cross = yardstick.largest(Subject::Foliage(&drawn(cross, wishes)?), wishes.q(), most)?;
+        let mut takes_over = chosen.takes_over.clone();
+        let Some((impostor, passed)) = made else {
+            takes_over.extend(of_cross);
+            return Ok(Chosen { takes_over, ..chosen });
+        };
+        takes_over.extend(passed);
+        Ok(Chosen { takes_over, plain: of_cross, octahedral: Some(Arc::new(impostor)), ..chosen })
+    }
+}
+
+/// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them.
+fn without_failing(chosen: Chosen, every_level: bool) -> Chosen {
+    let Chosen { chain, mut takes_over, .. } = chosen;
+    let mut chain = Arc::unwrap_or_clone(chain);
+    while !every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
+        takes_over.pop();
+        let last = chain.levels.iter().rposition(|level| !level.is_cross());
+        last.map(|last| chain.levels.remove(last));
+    }
+    Chosen { chain: Arc::new(chain), takes_over, ..chosen }
+}
+
+/// Returns a level as the renderer draws it.
+fn drawn(level: &Level, wishes: &Wishes) -> Result<Foliage> {
+    if wishes.shares { level.shares() } else { level.foliage() }
+}
