@@ -25,10 +25,11 @@ WITH: dict[str, dict[str, Any]] = {
     "image_epsilon": {"viewing_distance": 2.0},
     "viewing_distance": {"image_epsilon": 1.0},
     "max_size": {"epsilon": 1e-9},
+    "scene": {"quality": 0.5},
+    "memory_budget": {"quality": 0.5},
 }
 """Settings that others need."""
-NUMBERS = [each for each in described() if each.setting.limits is not None and each.name != "quality"]
-"""The core has no option for `quality`, but for the image error that follows from it."""
+NUMBERS = [each for each in described() if each.setting.limits is not None and not each.setting.many]
 
 
 def ends(limits: leafcloud.Setting, low: float) -> tuple[list[float], list[float]]:

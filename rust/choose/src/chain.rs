@@ -25,6 +25,10 @@ use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 /// Side of the largest pictures of leaves with their trunk: impostors take over where the crown is small.
 const LARGEST_OF_IMPOSTORS: usize = 64;
 
+/// Side of the largest pictures of a quick choice, and the largest diameter of a crown at which its levels take over.
+const LARGEST_OF_QUICK: usize = 128;
+const NEAREST_OF_QUICK: f64 = 250.0;
+
 /// Most views of a quick choice.
 const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
 
@@ -35,8 +39,8 @@ const SHARE_OF_CLOUDS: f64 = 0.85;
 /// Diameter of the crown in pixels where a level takes over at the latest.
 const LEAST_CROWN: f64 = 16.0;
 
-/// Fragments that a level may draw over the leaves', for crowns of at least [`FEW_PIXELS`] and for smaller ones, where triangles cost more.
-const MOST_FRAGMENTS: (f64, f64) = (1.05, 2.0);
+/// Fragments that a level may draw over the leaves', for crowns of at least [`FEW_PIXELS`]. Triangles cost more than fragments in smaller ones.
+const MOST_FRAGMENTS: f64 = 1.05;
 const FEW_PIXELS: f64 = 100.0;
 
 /// A chain that is wanted.
@@ -89,7 +93,8 @@ impl Wanted {
         wishes.check()?;
         let settings = &if wishes.is_quick() { with_fewer_views(settings) } else { settings.clone() };
         progress.tell("measure", 0.0)?;
-        let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), LARGEST)?;
+        let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
+        let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
         let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
         let chosen = match wish {
             None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
@@ -197,7 +202,8 @@ impl Tree<'_> {
         let mut takes_over: Vec<Passed> = chosen.leaf_level.iter().map(|level| level.passed).collect();
         let mut before = chosen.leaf_level.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
         for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
-            let most = takes_over.last().map_or(LARGEST_CROWN, |finer| finer.crown / LEAST_STEP);
+            let nearest = if wishes.is_quick() { NEAREST_OF_QUICK } else { LARGEST_CROWN };
+            let most = takes_over.last().map_or(nearest, |finer| finer.crown / LEAST_STEP);
             // A level is not built to pass where it is much larger than planned.
             let most = most.min(3.0 * level.radius_pixels * 2.0);
             let shown = drawn(level, wishes)?;
@@ -213,8 +219,8 @@ impl Tree<'_> {
         Ok(without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level))
     }
 
-    /// Returns the largest diameter of the crown in pixels, up to `crown`, at which a level is cheaper to draw than the level before it, and draws no
-    /// more fragments than the tree's own leaves.
+    /// Returns the largest diameter of the crown in pixels, up to `crown`, at which a level is cheaper to draw than the level before it, and, where
+    /// fragments cost most, draws no more of them than the tree's own leaves.
     fn cheaper_from(&self, crown: f64, level: &Foliage, before: &Foliage) -> Result<f64> {
         let mut size = crown;
         while size > LEAST_CROWN {
@@ -222,9 +228,9 @@ impl Tree<'_> {
                 let scale = 0.5 * size / self.foliage.frame().radius;
                 drawing_cost(&[foliage], scale, self.settings.up, Progress::silent())
             };
-            let most = if size < FEW_PIXELS { MOST_FRAGMENTS.1 } else { MOST_FRAGMENTS.0 };
             let (own, coarser, leaves) = (cost(level)?, cost(before)?, cost(self.foliage)?);
-            if own.total() < (1.0 - LEAST_SAVING) * coarser.total() && own.fragments <= most * leaves.fragments {
+            let few = size < FEW_PIXELS || own.fragments <= MOST_FRAGMENTS * leaves.fragments;
+            if few && own.total() < (1.0 - LEAST_SAVING) * coarser.total() {
                 break;
             }
             size /= std::f64::consts::SQRT_2;

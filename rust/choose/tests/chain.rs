@@ -1,98 +1,102 @@
-//! Settings chosen for the image error at the hand-over, on a small crown.
+//! Chains that quality chooses, on a small crown.
 
+#[path = "../../curve/tests/common/mod.rs"]
 mod common;
 
 use common::crown;
 use leafcloud::fit::FitSettings;
-use leafcloud::lod::{ChainSettings, build_chain};
+use leafcloud::lod::ChainSettings;
+use leafcloud::textures::Samples;
 use leafcloud::{Foliage, Progress, Result};
-use leafcloud_curve::quality::{Scale, is_quick, settings_for, with_fewer_views};
-use leafcloud_flip::{ImageErrors, crown_pixels};
+use leafcloud_choose::{Chosen, Last, Wanted, Wishes};
 
-fn tried_on(
-    quick: bool,
-    target: f64,
-    foliage: &Foliage,
-    settings: &ChainSettings,
-    free: bool,
-) -> Result<ChainSettings> {
-    let scale = Scale::of(foliage, settings, quick)?;
-    settings_for(target, &scale, None, None, settings, free, Progress::silent())
+fn built(foliage: &Foliage, settings: ChainSettings, wishes: Option<Wishes>, last: Last) -> Result<Chosen> {
+    let settings =
+        ChainSettings { samples: Samples::new(1)?, every_level: false, tight_pages: false, ..settings };
+    Wanted { settings, wish: None, wishes, last }.build(foliage, None, Progress::silent())
 }
 
-fn tried(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> Result<ChainSettings> {
-    tried_on(false, target, foliage, settings, free)
+fn chosen(foliage: &Foliage, wishes: Wishes) -> Chosen {
+    built(foliage, ChainSettings::default(), Some(wishes), Last::Auto).unwrap()
 }
 
-fn chosen(target: f64, foliage: &Foliage, settings: &ChainSettings, free: bool) -> ChainSettings {
-    tried(target, foliage, settings, free).unwrap()
-}
-
-/// Diameter of the crown in pixels where level 1 takes over by these settings.
-fn predicted_size(settings: &ChainSettings) -> f64 {
-    2.0 * settings.pixels / settings.fit.epsilon
+fn sizes(chosen: &Chosen) -> Vec<f64> {
+    chosen.takes_over.iter().map(|passed| passed.crown).collect()
 }
 
 #[test]
-fn level_1_takes_over_about_where_it_was_predicted() {
-    let foliage = crown(600);
-    let settings = ChainSettings { levels: 1, cross: false, ..ChainSettings::default() };
-    let settings = chosen(0.06, &foliage, &settings, true);
-    let chain = build_chain(&foliage, None, &settings, Progress::silent()).unwrap();
-    let measured = ImageErrors::of(&chain.levels[0].pictures).largest_size(0.06).map(crown_pixels).unwrap();
-    let ratio = measured / predicted_size(&settings);
-    assert!((0.6..1.5).contains(&ratio), "measured {measured}, predicted {}", predicted_size(&settings));
-}
-
-#[test]
-fn more_error_takes_over_nearer() {
-    let foliage = crown(300);
-    let fixed = ChainSettings::default();
-    let sizes = [0.03, 0.06, 0.12].map(|target| predicted_size(&chosen(target, &foliage, &fixed, false)));
-    assert!(sizes.is_sorted() && sizes[0] < 0.7 * sizes[2], "{sizes:?}");
-}
-
-#[test]
-fn a_quick_choice_is_near_the_one_of_a_search() {
-    // Bounds are tried by √2: the guess may be off by two steps.
-    for leaves in [100, 300, 900] {
-        let foliage = crown(leaves);
-        let found = |quick| tried_on(quick, 0.18, &foliage, &ChainSettings::default(), true).unwrap().fit.epsilon;
-        let ratio = found(true) / found(false);
-        assert!((0.49..2.05).contains(&ratio), "{leaves} leaves: {} in place of {}", found(true), found(false));
+fn levels_take_over_where_they_look_like_the_leaves_one_after_another() {
+    let found = chosen(&crown(600), Wishes::default());
+    let clouds = found.chain.levels.iter().filter(|level| !level.is_cross()).count();
+    assert!(clouds > 0 && found.takes_over.len() == found.chain.levels.len());
+    for passed in &found.takes_over[..clouds] {
+        assert!(passed.passes && passed.judged.excess(found.q).0 <= 1.0, "{passed:?}");
     }
-    let fewer = with_fewer_views(&ChainSettings::default()).views;
-    assert!(fewer.amounts < ChainSettings::default().views.amounts && is_quick(0.18) && !is_quick(0.08));
+    let sizes = sizes(&found);
+    assert!(sizes.windows(2).all(|pair| pair[0] >= 1.25 * pair[1]), "{sizes:?}");
+    assert!((16.0..=540.0).contains(&sizes[0]), "{sizes:?}");
 }
 
 #[test]
-fn a_given_epsilon_stays() {
+fn more_quality_allows_less_deviation() {
+    let foliage = crown(600);
+    let epsilon = |quality| chosen(&foliage, Wishes { quality, ..Wishes::default() }).tried.last().unwrap().epsilon;
+    let found = [1.0, 0.5, 0.0].map(epsilon);
+    assert!(found[0] < 0.8 * found[1] && found[1] < 0.8 * found[2], "{found:?}");
+}
+
+#[test]
+fn wished_sizes_and_a_given_epsilon_are_kept() {
     let foliage = crown(300);
-    let fit = FitSettings { epsilon: 0.05, ..FitSettings::default() };
-    let given = ChainSettings { fit, ..ChainSettings::default() };
-    assert_eq!(chosen(0.06, &foliage, &given, false).fit.epsilon, 0.05);
-    let limited = FitSettings { max_billboards: Some(20), ..given.fit.clone() };
-    let limited = ChainSettings { fit: limited, ..given };
-    assert_eq!(chosen(0.06, &foliage, &limited, true).fit.epsilon, 0.05, "a number of billboards leaves no choice");
+    let found = chosen(&foliage, Wishes { sizes: vec![0.4, 0.1], ..Wishes::default() });
+    assert_eq!(sizes(&found)[..2], [432.0, 108.0]);
+    let settings = ChainSettings {
+        fit: FitSettings { epsilon: 0.05, ..FitSettings::default() },
+        levels: 1,
+        ..ChainSettings::default()
+    };
+    let given = built(&foliage, settings, Some(Wishes { free: false, ..Wishes::default() }), Last::Cross).unwrap();
+    assert!(given.tried.is_empty() && given.chain.levels[0].epsilon == Some(0.05));
+}
+
+#[test]
+fn pages_keep_to_the_memory() {
+    let foliage = crown(300);
+    let side = |memory| {
+        let found = chosen(&foliage, Wishes { memory, ..Wishes::default() });
+        found.chain.levels.iter().map(|level| level.page.base_color.width()).max().unwrap()
+    };
+    assert!(side(0.1) <= 128 && side(4.0) > 128);
 }
 
 #[test]
 fn the_number_of_threads_changes_nothing() {
-    let foliage = crown(300);
+    let foliage = crown(200);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let found = pool.install(|| chosen(0.06, &foliage, &ChainSettings::default(), true));
-        (found.fit.epsilon, found.pixels)
+        let found = pool.install(|| chosen(&foliage, Wishes::default()));
+        (sizes(&found), found.tried)
     };
     assert_eq!(with(1), with(5));
 }
 
 #[test]
-fn a_target_outside_its_range_is_refused() {
-    let foliage = crown(20);
-    for target in [0.0, 1.0, -0.1, f64::NAN] {
-        let found = tried(target, &foliage, &ChainSettings::default(), true);
-        let message = found.err().map(|error| error.to_string()).unwrap_or_default();
-        assert!(message.starts_with("`target_error` is"), "{target}: {message}");
-    }
+fn the_last_level_has_the_form_that_is_asked_for() {
+    let foliage = crown(300);
+    let last = |form| built(&foliage, ChainSettings::default(), Some(Wishes::default()), form).unwrap();
+    assert!(last(Last::Cross).octahedral.is_none());
+    let impostor = last(Last::Octahedral);
+    assert!(impostor.octahedral.is_some() && impostor.plain.is_some(), "plain files show the cross impostor");
+    let unjudged = built(&foliage, ChainSettings::default(), None, Last::Octahedral).unwrap();
+    assert!(unjudged.octahedral.is_some() && unjudged.takes_over.is_empty());
+    let without = ChainSettings { cross: false, ..ChainSettings::default() };
+    let refused = built(&foliage, without, None, Last::Octahedral).err().map(|error| error.to_string());
+    assert!(refused.unwrap().contains("cross impostor"));
+}
+
+#[test]
+fn wishes_out_of_range_are_refused() {
+    let wishes = Wishes { quality: f64::NAN, ..Wishes::default() };
+    let refused = built(&crown(20), ChainSettings::default(), Some(wishes), Last::Cross).err().unwrap().to_string();
+    assert!(refused.starts_with("`quality` is NaN"), "{refused}");
 }

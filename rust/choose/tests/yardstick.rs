@@ -1,0 +1,67 @@
+//! The yardstick, on a small crown with known changes.
+
+#[path = "../../curve/tests/common/mod.rs"]
+mod common;
+
+use common::crown;
+use glam::DVec3;
+use leafcloud::Foliage;
+use leafcloud_choose::sway::{motion, swayed};
+use leafcloud_choose::yardstick::LARGEST;
+use leafcloud_choose::{Judgement, Subject, Yardstick};
+
+/// Side of the pictures that are judged.
+const SIDE: usize = 128;
+
+fn yardstick(leaves: &Foliage) -> Yardstick {
+    Yardstick::new(leaves, None, DVec3::Z, true, SIDE).unwrap()
+}
+
+fn judged(yardstick: &Yardstick, level: &Foliage) -> Judgement {
+    yardstick.judge(Subject::Foliage(level), SIDE, 1.0).unwrap().unwrap()
+}
+
+#[test]
+fn the_leaves_pass_and_the_control_just_passes() {
+    let leaves = crown(400);
+    let yardstick = yardstick(&leaves);
+    let same = judged(&yardstick, &leaves);
+    assert_eq!((same.difference, same.places, same.excess(1.0).0), (0.0, 0.0, 0.0));
+    let control = judged(&yardstick, &swayed(&leaves, motion(same.crown)).unwrap());
+    assert!((control.difference - 1.0).abs() < 1e-9 && (control.places - 1.0).abs() < 1e-9, "{control:?}");
+}
+
+#[test]
+fn a_stronger_breeze_fails_by_the_difference_or_by_places() {
+    let leaves = crown(400);
+    let found = judged(&yardstick(&leaves), &swayed(&leaves, 0.1).unwrap());
+    let (excess, by) = found.excess(1.0);
+    assert!(excess > 1.2 && ["difference", "places", "contrast"].contains(&by), "{found:?}");
+    assert!(found.difference > 1.2);
+}
+
+#[test]
+fn missing_leaves_fail_by_the_coverage() {
+    let leaves = crown(400);
+    let few: Vec<[DVec3; 3]> = (0..leaves.triangle_count())
+        .map(|t| if t % 10 < 2 { [leaves.corners(t)[0]; 3] } else { leaves.corners(t) })
+        .collect();
+    let found = judged(&yardstick(&leaves), &leaves.with_corners(&few).unwrap());
+    assert!(found.looks.coverage < 0.95, "{found:?}");
+    assert!(found.excess(1.0).0 > 1.0);
+}
+
+#[test]
+fn a_level_takes_over_at_most_where_it_may() {
+    let leaves = crown(400);
+    let yardstick = yardstick(&leaves);
+    let whole = yardstick.largest(Subject::Foliage(&leaves), 1.0, 540.0).unwrap().unwrap();
+    assert_eq!((whole.crown, whole.passes), (540.0, true));
+    let near = yardstick.largest(Subject::Foliage(&leaves), 1.0, 50.0).unwrap().unwrap();
+    assert_eq!(near.crown, 50.0);
+    let moved = swayed(&leaves, 0.2).unwrap();
+    let other = yardstick.largest(Subject::Foliage(&moved), 1.0, 540.0).unwrap().unwrap();
+    assert!(!other.passes && other.crown == 10.0, "{other:?}");
+    assert_eq!(yardstick.sides().collect::<Vec<_>>(), [128, 64, 32, 16]);
+    assert!(yardstick.judge(Subject::Foliage(&leaves), LARGEST, 1.0).unwrap().is_none(), "no pictures of this size");
+}
