@@ -185,12 +185,13 @@ def level_1_form(prepared: Prepared) -> Form:
 def last_form(prepared: Prepared) -> Last:
     """Return the form that the core may choose for the last level.
 
-    Not every engine draws octahedral impostors well: for the others they are chosen only if asked for.
+    Not every engine draws octahedral impostors well: for the others they are chosen only if asked for. So they are where
+    other settings than quality choose the levels.
     """
     settings = prepared.settings
     _, cross = prepared.levels
-    is_drawn = settings.last == "octahedral" or settings.engine in DRAW_OCTAHEDRAL
-    return settings.last if cross and is_drawn else "cross"
+    chosen = settings.engine in DRAW_OCTAHEDRAL and settings.chain == "billboards" and settings.wish is None
+    return settings.last if cross and (settings.last == "octahedral" or chosen) else "cross"
 
 
 def start_curve(prepared: Prepared, *, quick: bool) -> leafcloud.Job[leafcloud.Curve]:

@@ -77,6 +77,9 @@ def _tree(tree: TreePage, *, heading: bool) -> list[str]:
     parts += [f"<p>{_escaped(each['reason'])}</p>" for each in content["left_out"]]
     names = [level.name for level in figures.levels]
     parts.append(levels_table(names, content["levels"], content["input"]["radius"]))
+    if content["quality"]:
+        parts += ["<h3>Where levels take over, and why there</h3>", looks_table(names[1:], content["quality"])]
+        parts.append(_tried(content["quality"]["tried"]))
     parts += ["<h3>Flights across the hand-overs</h3>", _films(figures.levels[1:], tree.films)]
     for level in figures.levels[1:]:
         parts += _level(level)
@@ -121,6 +124,36 @@ def levels_table(names: Sequence[str], levels: Sequence[Row], radius: float) -> 
             f"{level['drawing']['gpu_bytes'] / 1e6:.2f}",
         ])  # fmt: skip
     return _table(heads, rows)
+
+
+def looks_table(names: Sequence[str], quality: Row) -> str:
+    """Return the table of how each level after LOD 0 looks where it takes over. `quality`: of the report."""
+    heads = [
+        "Level", "Takes over at", "Pixels", "Looks like the leaves", "Closest to its limit", "Difference (1: a light breeze)",
+        "Places (1: a light breeze)", "Contrast, fine to coarse", "Coverage", "Color off by",
+    ]  # fmt: skip
+    rows = []
+    for name, level in zip(names, quality["levels"], strict=True):
+        judged = level["judged"]
+        rows.append([
+            name, f"{level['size']:.1%} of the picture's height", f"{level['crown_pixels']:.0f}",
+            "yes" if level["passes"] else "too small to tell" if level["crown_pixels"] <= 10.0 else "no",
+            f"{judged['by']}, {judged['excess']:.0%} of what is allowed", f"{judged['difference']:.2f}",
+            f"{judged['places']:.2f}" if judged["places"] else "", " ".join(f"{each:.2f}" for each in judged["contrast"]),
+            f"{judged['coverage']:.3f}", f"{judged['color']:.3f}",
+        ])  # fmt: skip
+    return _table(heads, rows, {0, 1, 3, 4})
+
+
+def _tried(tried: Sequence[Row]) -> str:
+    """Return a sentence on the error bounds that were tried."""
+    if not tried:
+        return "<p>The error bound was given.</p>"
+    said = [f"{each['epsilon']:.3f} R ({each['billboards']} billboards, {each['excess']:.0%})" for each in tried]
+    return (
+        f"<p>Error bounds that were tried, with what they use of the allowed difference before there are textures: "
+        f"{_escaped(', '.join(said))}. The last one was chosen.</p>"
+    )
 
 
 def drawing_table(names: Sequence[str], levels: Sequence[Row]) -> str:

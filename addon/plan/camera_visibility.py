@@ -19,7 +19,7 @@ from ..settings.levels import LARGEST_TEXTURE
 from .facts import Camera, Facts, Span
 from .lod_range import HandOverKind, LodRange, View, lod_ranges, rising
 from .pruning import cut_off_distance, share_left
-from .quality import LARGEST_CROWN, SMALLEST_CROWN, decides_distances, distance_of
+from .quality import SMALLEST_CROWN, decides_distances, distance_of
 
 CROSS_DEVIATION = 0.5
 """Typical deviation of the cross impostor from the leaves as a fraction of R: 0.48 to 0.56 on the measured trees."""
@@ -94,9 +94,10 @@ def soonest_switches(settings: BakeSettings, facts: Facts, view: View) -> tuple[
     """
     clouds = _clouds(settings)
     if decides_distances(settings) and settings.chain != "pruning":
-        largest = max(LARGEST_CROWN, max(settings.sizes, default=0.0) * view.resolution)
-        first = distance_of(largest, facts.radius, view)
-        return rising([0.0, *([first] * (clouds + int(settings.cross)))])
+        sizes = [share * view.resolution for share in settings.sizes]
+        sizes = sizes or [leafcloud.LARGEST_CROWN, *([leafcloud.LATER_CROWN] * (clouds - 1))]
+        sizes += [sizes[-1]] if settings.cross else []
+        return rising([0.0, *(distance_of(size, facts.radius, view) for size in sizes)])
     errors = [min(settings.error_bound * leafcloud.EPSILON_STEP**number, 1.0) for number in range(clouds)]
     return _switches(settings, facts, view, [min(sum(errors[: number + 1]), 1.0) for number in range(clouds)])
 

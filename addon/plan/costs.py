@@ -21,7 +21,7 @@ from .decision import Decision
 from .effects import plan_levels
 from .facts import Facts
 from .pages import page_size
-from .quality import LARGEST_CROWN, decides_distances
+from .quality import decides_distances
 from .rates import Amounts
 from .registry import effect_named
 from .trunk_limits import FAR_TRIANGLES, NEAR_TRIANGLES
@@ -67,7 +67,7 @@ def _page_texels(settings: BakeSettings, number: int) -> int:
         return width * height
     if decides_distances(settings):
         within = leafcloud.page_side(settings.memory_budget) >> number
-        crown = LARGEST_CROWN / _LATER**number
+        crown = leafcloud.LARGEST_CROWN / _LATER**number
         return min(width * height, within * within, round(_PAGE_SHARE * (2.0 * crown) ** 2))
     deviation = sum(settings.error_bound * leafcloud.EPSILON_STEP**finer for finer in range(number + 1))
     return min(width * height, round(_PAGE_SHARE * (2.0 * settings.switch_pixels / deviation) ** 2))

@@ -16,9 +16,6 @@ from ..settings.bake import BakeSettings
 from ..settings.choices import DRAW_SHARES, Form
 from .lod_range import View, shows_trunk
 
-LARGEST_CROWN = leafcloud.LARGEST_CROWN
-"""Largest diameter of the crown in pixels at which a level takes over by its looks."""
-
 SMALLEST_CROWN = 7.8
 """Smallest diameter of the crown in pixels at which the last level takes over."""
 

@@ -256,7 +256,7 @@ def test_each_material_has_its_own_colour(tmp_path: Path) -> None:
 
 
 def test_the_optional_nodes_share_one_group() -> None:
-    result = baked(SUMMER, "leaf_map", levels=2, cross=True)
+    result = baked(SUMMER, "leaf_map", levels=2, cross=True, last="cross")
     for number in (1, 2, 3):
         tree = material_of(result, number).node_tree
         [group] = [node for node in tree.nodes if node.type == "GROUP"]

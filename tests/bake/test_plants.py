@@ -7,20 +7,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from command_line import bake
 from plants import PLANTS, write
-
-LARGEST_ERROR = 0.06
-"""Image error of level 1 of any plant where it takes over: nobody notices."""
-
-
-def error_at_hand_over(row: dict[str, Any]) -> float:
-    """Return the measured image error at the size where a level takes over, of a row of the report's `quality`."""
-    sizes, errors = zip(*((each["crown_pixels"], each["image_error"]) for each in row["errors"]), strict=True)
-    return float(np.interp(np.log2(row["crown_pixels"]), np.log2(sizes), errors))
-
 
 @pytest.mark.parametrize(
     "name", [name if name == "pot" else pytest.param(name, marks=pytest.mark.night) for name in PLANTS]
@@ -32,7 +21,8 @@ def test_a_plant_bakes_without_settings(
     assert gltf_issues(*(tmp_path / "out").glob("*.glb")) == []
     leaves, *levels = report["levels"]
     assert levels
-    assert error_at_hand_over(report["quality"]["levels"][0]) <= LARGEST_ERROR + 1e-6
+    judged = report["quality"]["levels"]
+    assert all(level["passes"] or level["crown_pixels"] <= 10.0 for level in judged), judged
     for before, level in pairwise([leaves, *levels]):
         assert level["drawing"]["cheaper"] > before["drawing"]["cheaper"]
         assert level["switch_distance"] > before["switch_distance"]

@@ -108,7 +108,7 @@ def test_an_empty_stands_for_the_tree_below_it() -> None:
 def test_the_first_panel_has_the_purpose_and_the_quality_alone() -> None:
     shown, words = drawn(interface.LEAFCLOUD_PT_bake)
     assert tuple(shown) == MAIN
-    assert words == ["Select leaves and trunk of a tree", "Unnoticed: error 0.060 or less"]
+    assert words == ["Select leaves and trunk of a tree", "Balanced: 1.0 × a light breeze"]
 
 
 def test_an_engine_asks_for_a_folder() -> None:

@@ -29,7 +29,7 @@ from addon.settings.bake import BakeSettings
 ANYWHERE = {"transitions", "far_levels", "normals"}
 """Effects of a plain crown for a viewer anywhere. Each level decides about back sides itself."""
 
-# At 1080 pixels over 50° a deviation of ε = 0.04 R is 8 pixels large at 5.79 R, a deviation of 0.14 R at 20.3 R.
+# At 1080 pixels over 50° a crown is 540 pixels large at 4.29 R, and 180 at 12.9 R.
 
 
 def test_a_still_camera_near_the_tree_needs_no_effects() -> None:
@@ -40,10 +40,10 @@ def test_a_still_camera_near_the_tree_needs_no_effects() -> None:
     assert plan["back_sides"].on is False
     assert (
         plan["transitions"].reason
-        == "the camera stays 3.2 crown radii away, and level 1 takes over between 5.79 and 297"
+        == "the camera stays 3.2 crown radii away, and level 1 takes over between 4.29 and 297"
     )
     assert plan["far_levels"].reason == (
-        "the camera stays 3.2 crown radii away, and level 2 takes over between 7.24 and 371: only level 1 is made"
+        "the camera stays 3.2 crown radii away, and level 2 takes over between 12.9 and 371: only level 1 is made"
     )
     assert plan["normals"].reason.endswith("no billboard is seen")
 
@@ -77,7 +77,7 @@ def test_a_camera_that_passes_all_switch_distances_needs_transitions() -> None:
     assert on(plan) == {"transitions", "far_levels", "normals"}
     assert (
         plan["transitions"].reason
-        == "the camera stays 3 to 300 crown radii away, and level 1 takes over between 5.79 and 297"
+        == "the camera stays 3 to 300 crown radii away, and level 1 takes over between 4.29 and 297"
     )
 
 

@@ -61,6 +61,6 @@ def test_levels_take_over_between_half_of_the_picture_and_a_dot() -> None:
     settings = BakeSettings()
     soonest, latest = soonest_switches(settings, FACTS, VIEW), latest_switches(settings, FACTS, VIEW)
     # A crown of diameter 4 covers 540 pixels at distance 3.7, and 7.8 at 256.4.
-    assert soonest[1] == pytest.approx(2000.0 / 540.0)
+    assert soonest[1:3] == pytest.approx((2000.0 / 540.0, 2000.0 / 180.0))
     assert latest[1] == pytest.approx(256.4, rel=1e-3)
     assert all(soon <= late for soon, late in zip(soonest, latest, strict=True))

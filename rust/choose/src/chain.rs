@@ -19,7 +19,7 @@ use leafcloud_curve::{Offer, Wish, build_within};
 use crate::clouds::{TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
-use crate::wishes::{LARGEST_CROWN, Wishes};
+use crate::wishes::{LARGEST_CROWN, LATER_CROWN, Wishes};
 use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 
 /// Side of the largest pictures of leaves with their trunk: impostors take over where the crown is small.
@@ -204,8 +204,7 @@ impl Tree<'_> {
         for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
             let nearest = if wishes.is_quick() { NEAREST_OF_QUICK } else { LARGEST_CROWN };
             let most = takes_over.last().map_or(nearest, |finer| finer.crown / LEAST_STEP);
-            // A level is not built to pass where it is much larger than planned.
-            let most = most.min(3.0 * level.radius_pixels * 2.0);
+            let most = if number == 0 { most } else { most.min(LATER_CROWN) };
             let shown = drawn(level, wishes)?;
             let passed = yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
             let Some(passed) = passed else { continue };

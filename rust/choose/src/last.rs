@@ -102,7 +102,7 @@ pub fn octahedral(
         return Ok(None);
     }
     let largest = LARGEST.min(place.before_crown / LEAST_STEP);
-    let built = build(Size::for_crown(largest))?;
+    let built = build(if last == Last::Octahedral { Size::default() } else { Size::for_crown(largest) })?;
     let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
     let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, largest)?;
     let is_worth_it = match (passed, cross) {

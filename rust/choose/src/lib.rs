@@ -20,5 +20,5 @@ pub use last::{Last, check_last};
 pub use leaves::{Form, LeafLevel, leaf_level};
 pub use looks::Looks;
 pub use scene::{HORIZON, PIXELS_BY_DISTANCE, Scene};
-pub use wishes::{LARGEST_CROWN, MEMORY, QUALITY, SIZE, Wishes};
+pub use wishes::{LARGEST_CROWN, LATER_CROWN, MEMORY, QUALITY, SIZE, Wishes};
 pub use yardstick::{Judgement, Passed, Subject, Yardstick};

@@ -24,6 +24,9 @@ const RANGE: f64 = 2.0;
 /// Largest diameter of a crown in pixels at which a level takes over by its looks: half of the picture's height.
 pub const LARGEST_CROWN: f64 = 0.5 * NEAREST;
 
+/// Largest diameter of a crown in pixels at which a cloud after the first takes over: a sixth of the picture's height. It is built for fewer.
+pub const LATER_CROWN: f64 = NEAREST / 6.0;
+
 /// Quality from which choices are rough and made in a part of the time.
 const QUICK: f64 = 0.25;
 

@@ -5,6 +5,7 @@ import numpy as _numpy  # noqa: F401  Loaded here: Ctrl-C during a first load in
 from ._native import (
     EPSILON_STEP,
     LARGEST_CROWN,
+    LATER_CROWN,
     FRAGMENTS_PER_TRIANGLE,
     HAND_OVER,
     LEAST_SAVING,
@@ -63,6 +64,7 @@ from ._native import (
 __all__ = [
     "EPSILON_STEP",
     "LARGEST_CROWN",
+    "LATER_CROWN",
     "FRAGMENTS_PER_TRIANGLE",
     "HAND_OVER",
     "LEAST_SAVING",

@@ -54,6 +54,8 @@ FRAGMENTS_PER_TRIANGLE: float
 """Price of a triangle in fragments, for its vertices and its set-up; see :func:`drawing_cost`."""
 LARGEST_CROWN: float
 """Largest diameter of the crown in pixels at which a level takes over by its looks: half of 1080 lines."""
+LATER_CROWN: float
+"""The same for clouds after the first: a sixth of 1080 lines."""
 UNJUDGED_CROWN: float
 """Diameter of a crown in pixels that is too small to judge. A level that looks different takes over there."""
 HAND_OVER: float

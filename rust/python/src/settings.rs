@@ -6,7 +6,7 @@ use leafcloud::lod::{ChainSettings, EPSILON_STEP, LEAST_SAVING, PruneSettings};
 use leafcloud::polygons::FRAGMENTS_PER_TRIANGLE;
 use leafcloud::{prune, transition};
 use leafcloud_choose::yardstick::UNJUDGED;
-use leafcloud_choose::{HORIZON, LARGEST_CROWN, MEMORY, QUALITY, SIZE, Wishes};
+use leafcloud_choose::{HORIZON, LARGEST_CROWN, LATER_CROWN, MEMORY, QUALITY, SIZE, Wishes};
 use leafcloud_curve::{IMAGE_ERROR, SECONDS};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMappingProxy};
@@ -36,6 +36,7 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SETTINGS", PyMappingProxy::new(module.py(), settings.as_mapping()))?;
     module.add("EPSILON_STEP", EPSILON_STEP)?;
     module.add("LARGEST_CROWN", LARGEST_CROWN)?;
+    module.add("LATER_CROWN", LATER_CROWN)?;
     module.add("UNJUDGED_CROWN", UNJUDGED)?;
     module.add("LEAST_SAVING", LEAST_SAVING)?;
     module.add("FRAGMENTS_PER_TRIANGLE", FRAGMENTS_PER_TRIANGLE)?;

@@ -276,3 +276,41 @@ fn alpha_blended_leaves_are_not_cut_out() {
     assert!(message.contains("1 of 2 trees are alpha blended"), "{message}");
     assert!(share_page(&[&chain.levels[0], &chain.levels[1]]).unwrap().iter().all(|level| level.alpha_cutoff == 0.0));
 }
+
+#[test]
+fn steps_set_the_bound_and_the_size_of_each_cloud() {
+    let step = |epsilon, crown_pixels| CloudStep { epsilon, crown_pixels };
+    let settings = ChainSettings { steps: vec![step(0.05, 300.0), step(0.2, 60.0)], ..settings() };
+    let chain = build_chain(&ball(300), None, &settings, Progress::silent()).unwrap();
+    let clouds = &chain.levels[..2];
+    let found: Vec<_> = clouds.iter().map(|level| (level.epsilon.unwrap(), level.radius_pixels)).collect();
+    for ((epsilon, radius), (wished, pixels)) in found.into_iter().zip([(0.05, 150.0), (0.2, 30.0)]) {
+        assert!((epsilon / wished - 1.0).abs() < 1e-9 && radius == pixels, "{epsilon} {radius}");
+    }
+    let refused = ChainSettings { steps: vec![step(0.05, f64::NAN)], ..settings };
+    let message = build_chain(&ball(10), None, &refused, Progress::silent()).unwrap_err().to_string();
+    assert!(message.starts_with("`crown_pixels` is NaN"), "{message}");
+}
+
+/// Square leaves far from one another, each beside a copy half a leaf away and a little higher: merged, one hides half of the other.
+fn overlapping() -> Foliage {
+    let leaf = |number: usize| {
+        let (pair, copy) = (number / 2, (number % 2) as f64);
+        let place = DVec3::new((pair % 6) as f64, (pair / 6 % 6) as f64, 0.0) + DVec3::new(0.1 * copy, 0.0, 0.1 * copy);
+        [(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)].map(|(x, y)| place + DVec3::new(x, y, 0.0))
+    };
+    let corners: Vec<DVec3> = (0..72).flat_map(leaf).collect();
+    let triangles = (0..72).flat_map(|leaf| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * leaf + i))).collect();
+    Foliage::new(&corners, triangles, Attributes::default(), vec![]).unwrap()
+}
+
+#[test]
+fn leaves_cover_as_much_on_fine_pages_as_on_coarse_ones() {
+    let foliage = overlapping();
+    for size in [128, 1024] {
+        let settings =
+            ChainSettings { levels: 1, cross: false, fitting_pages: false, texture_size: size.into(), ..settings() };
+        let level = build_chain(&foliage, None, &settings, Progress::silent()).unwrap().levels.remove(0);
+        assert!((level.coverage - 1.0).abs() < 0.04, "{size}: {}", level.coverage);
+    }
+}
