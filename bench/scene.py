@@ -29,6 +29,7 @@ from typing import Any
 import meshoptimizer
 import numpy as np
 from commits import measured_commit
+from numpy.typing import NDArray
 from plants import PLANTS, write
 from stage import ROOT, bake_alone, measured_trees
 from unseen_trees import TREES
@@ -49,10 +50,10 @@ HALVES = {0.5: 540.0, 0.25: 270.0, 0.125: 135.0}
 
 INTRODUCTION = """# What the levels save in a scene
 
-Made by `make bench-scene` on {commit}; the first lines of `bench/scene.py` tell how. *Triangles*, *fragments*: how many times
-fewer a plantation needs than with leaves alone. *Takes over*: diameter of the crown in pixels. *Difference*, *places*: over
-those of the leaves in a light breeze; *contrast*, *coverage*: over the leaves'. *Excess*: the most that a figure uses of
-what is allowed (at most 1 passes). *MB*: compressed textures of all levels.
+Made by `make bench-scene` on {commit}; the first lines of `bench/scene.py` tell how. *Triangles*, *fragments*: how
+many times fewer a plantation needs than with leaves alone. *Takes over*: diameter of the crown in pixels.
+*Difference*, *places*: over those of the leaves in a light breeze; *contrast*, *coverage*: over the leaves'. *Excess*:
+the most that a figure uses of what is allowed (at most 1 passes). *MB*: compressed textures of all levels.
 """
 
 
@@ -91,9 +92,7 @@ def ours(baked: Baked) -> list[Drawn]:
     for level, cost, taken in zip(baked.chain.levels, costs, baked.chain.takes_over, strict=True):
         trunk = 0 if cost.trunk is None else cost.trunk["triangles"]
         share = cost.own["fragments"] / max(cost.leaves["fragments"], 1.0)
-        found.append(
-            Drawn(level.method, cost.crown_pixels, cost.own["triangles"] + trunk, share, taken["judged"])
-        )
+        found.append(Drawn(level.method, cost.crown_pixels, cost.own["triangles"] + trunk, share, taken["judged"]))
     return found
 
 
@@ -144,7 +143,9 @@ def rivals(baked: Baked) -> dict[str, list[Drawn]]:
         if len(corners):
             halves.append(drawn(f"1/{1 / share:.0f}", part.of(corners).foliage(), len(corners) + bare, crown))
     shape: dict[str, Any] = {"normals": 0.0, "every_level": True, "cross": False}
-    cloud = leafcloud.build_chain(leaves, effort="literal", epsilon=0.04, levels=1, texture_size=1024, **shape).levels[0]
+    cloud = leafcloud.build_chain(leaves, effort="literal", epsilon=0.04, levels=1, texture_size=1024, **shape).levels[
+        0
+    ]
     assert isinstance(cloud, leafcloud.Level)
     plain = leafcloud.build_chain(leaves, levels=0, cross=True, normals=0.0).clouds[-1]
     return {
@@ -154,7 +155,7 @@ def rivals(baked: Baked) -> dict[str, list[Drawn]]:
     }
 
 
-def simplified(geometry: Any, share: float) -> np.ndarray:
+def simplified(geometry: Any, share: float) -> NDArray[np.int64]:
     """Return corners (n, 3) of the triangles that meshoptimizer keeps: indices as `DescribedGeometry.of` takes them."""
     triangles = geometry.triangles
     corners = np.arange(3 * len(triangles), dtype=np.uint32)
@@ -191,8 +192,8 @@ def lines_of(name: str, levels: Sequence[Drawn], memory: float | None) -> list[s
 
 
 HEAD = [
-    "| | triangles | takes over | triangles to 50 R | fragments to 50 R | to 200 R | fragments | MB | difference | places "
-    "| contrast | coverage | excess |",
+    "| | triangles | takes over | triangles to 50 R | fragments to 50 R | to 200 R | fragments | MB | difference "
+    "| places | contrast | coverage | excess |",
     "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
 ]
 

@@ -185,8 +185,8 @@ def level_1_form(prepared: Prepared) -> Form:
 def last_form(prepared: Prepared) -> Last:
     """Return the form that the core may choose for the last level.
 
-    Not every engine draws octahedral impostors well: for the others they are chosen only if asked for. So they are where
-    other settings than quality choose the levels.
+    Not every engine draws octahedral impostors well: for the others they are chosen only if asked for. So they
+    are where other settings than quality choose the levels.
     """
     settings = prepared.settings
     _, cross = prepared.levels

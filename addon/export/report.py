@@ -127,8 +127,8 @@ def _quality(baked: Baked) -> dict[str, Any] | None:
     """Return the row `quality`; None if `pixels` sets the LOD distances.
 
     For each level after LOD 0: `crown_pixels`, the diameter of the crown where it takes over, and `size`, that as a
-    fraction of the picture's height; `passes`, whether it looks like the leaves there; `judged`, its figures in pictures
-    of that size. `tried`: the error bounds that were tried for the first cloud, the chosen one last.
+    fraction of the picture's height; `passes`, whether it looks like the leaves there; `judged`, its figures there.
+    `tried`: the error bounds that were tried for the first cloud, the chosen one last.
     """
     sizes, height = baked.schedule.crowns, baked.view.resolution
     rows = [

@@ -129,8 +129,9 @@ def levels_table(names: Sequence[str], levels: Sequence[Row], radius: float) -> 
 def looks_table(names: Sequence[str], quality: Row) -> str:
     """Return the table of how each level after LOD 0 looks where it takes over. `quality`: of the report."""
     heads = [
-        "Level", "Takes over at", "Pixels", "Looks like the leaves", "Closest to its limit", "Difference (1: a light breeze)",
-        "Places (1: a light breeze)", "Contrast, fine to coarse", "Coverage", "Color off by",
+        "Level", "Takes over at", "Pixels", "Looks like the leaves", "Closest to its limit",
+        "Difference (1: a light breeze)", "Places (1: a light breeze)", "Contrast, fine to coarse", "Coverage",
+        "Color off by",
     ]  # fmt: skip
     rows = []
     for name, level in zip(names, quality["levels"], strict=True):
@@ -139,7 +140,8 @@ def looks_table(names: Sequence[str], quality: Row) -> str:
             name, f"{level['size']:.1%} of the picture's height", f"{level['crown_pixels']:.0f}",
             "yes" if level["passes"] else "too small to tell" if level["crown_pixels"] <= 10.0 else "no",
             f"{judged['by']}, {judged['excess']:.0%} of what is allowed", f"{judged['difference']:.2f}",
-            f"{judged['places']:.2f}" if judged["places"] else "", " ".join(f"{each:.2f}" for each in judged["contrast"]),
+            f"{judged['places']:.2f}" if judged["places"] else "",
+            " ".join(f"{each:.2f}" for each in judged["contrast"]),
             f"{judged['coverage']:.3f}", f"{judged['color']:.3f}",
         ])  # fmt: skip
     return _table(heads, rows, {0, 1, 3, 4})

@@ -10,7 +10,7 @@ from enum import Enum, auto
 import leafcloud
 
 START_SHARE = 0.5
-"""A transition starts at this fraction of its end distance."""
+"""The leaves start to morph at this fraction of the distance where the morph ends: nearer, single leaves are seen."""
 
 FADE, FADE_BEHIND_MORPH = 0.25, 0.1
 """Two levels cross-fade over this fraction of the distance at which the next one appears. After a morph only light and
@@ -67,15 +67,16 @@ def lod_ranges(
     Level i takes over at `switch_distances[i]`, which rise from 0. `hand_overs`: one for each level; that of LOD 0
     is not used.
 
-    With `transitions` a level morphs to the next one, cross-fades with it, or both. After a morph alone the next level
-    appears where the morph ends, else shortly before that. Without a morph it appears at its switch distance. It fades
-    in before this level fades out, so pixels that both levels cover never become transparent.
+    With `transitions` a level morphs to the next one, cross-fades with it, or both. A cloud morphs over all of its
+    distances: it moves in proportion to the distance, so in no picture by more pixels than at the hand-over. After a
+    morph alone the next level appears where the morph ends, else shortly before that. Without a morph it appears at its
+    switch distance. It fades in before this level fades out, so pixels that both levels cover never become transparent.
     """
     result: list[LodRange] = []
     appear = whole = gone = switch_distances[0]
     for end, way in zip((*switch_distances[1:], math.inf), (*hand_overs[1:], HandOverKind.FADE), strict=True):
         morphs, fades = transitions and way is not HandOverKind.FADE, transitions and way is not HandOverKind.MORPH
-        start = max(START_SHARE * end, gone) if morphs else math.inf
+        start = (gone if result else max(START_SHARE * end, gone)) if morphs else math.inf
         hand_over = start + leafcloud.HAND_OVER * (end - start) if morphs and fades else end
         fade = (FADE_BEHIND_MORPH if morphs else FADE) * hand_over if fades else 0.0
         lod_range = LodRange(

@@ -1,8 +1,8 @@
 """Quality: where levels take over, by how they look.
 
-The setting `quality` goes from 0 (fast) to 1 (exact). The core judges each level with a yardstick: in its middle a level
-may differ from the leaves as much as they differ when a light breeze has moved them. The core also chooses the levels
-for a scene, within a budget of memory.
+The setting `quality` goes from 0 (fast) to 1 (exact). The core judges each level with a yardstick: in the middle a
+level may differ from the leaves as much as they differ when a light breeze has moved them. The core also chooses the
+levels for a scene, within a budget of memory.
 """
 
 from __future__ import annotations

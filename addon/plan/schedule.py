@@ -74,8 +74,8 @@ def _switch_distances(
 ) -> tuple[float, ...]:
     """Return the distance of each level, LOD 0's first.
 
-    A level takes over where it looks like the leaves (`by_looks`: diameters of the crown in pixels). If quality does not
-    decide: where its deviation appears smaller than `pixels` pixels, and its texels are smaller than a pixel.
+    A level takes over where it looks like the leaves (`by_looks`: diameters of the crown in pixels). If quality does
+    not decide: where its deviation appears smaller than `pixels` pixels, and its texels are smaller than a pixel.
     """
     if by_looks:
         distances = [distance_of(size, facts.radius, view) for size in by_looks]

@@ -51,9 +51,9 @@ class LevelSettings:
     quality: Annotated[
         float,
         Setting(
-            "How little a level differs from the leaves where it takes over, from 0 (fast) to 1 (exact). At 0.5 as much "
-            "as the leaves when a light breeze has moved them; half as much at 1, twice as much at 0. Chooses error "
-            "bound, texture size and switch distances",
+            "How little a level differs from the leaves where it takes over, from 0 (fast) to 1 (exact). At 0.5 as "
+            "much as the leaves when a light breeze has moved them; half as much at 1, twice as much at 0. Chooses "
+            "error bound, texture size and switch distances",
             "FRACTION",
             _range("quality"),
         ),
@@ -61,8 +61,8 @@ class LevelSettings:
     scene: Annotated[
         float,
         Setting(
-            "Distance to the horizon, as a multiple of R. Levels are chosen to make an even plantation up to there cheap "
-            "to draw",
+            "Distance to the horizon, as a multiple of R. Levels are chosen to make an even plantation up to there "
+            "cheap to draw",
             "R",
             _range("scene"),
         ),
@@ -70,7 +70,8 @@ class LevelSettings:
     memory_budget: Annotated[
         float,
         Setting(
-            "Size in MB of the levels' textures on a graphics card, compressed. Larger pages let levels take over nearer",
+            "Size in MB of the levels' textures on a graphics card, compressed. Larger pages let levels take over "
+            "nearer",
             "MB",
             _range("memory_budget"),
         ),
@@ -78,8 +79,8 @@ class LevelSettings:
     sizes: Annotated[
         tuple[float, ...],
         Setting(
-            "Sizes of the crown at which the levels take over, as fractions of the picture's height, the largest first. "
-            "One cloud is made for each",
+            "Sizes of the crown at which the levels take over, as fractions of the picture's height, the largest "
+            "first. One cloud is made for each",
             "FRACTION",
             _range("sizes"),
             unset="the largest at which each level looks like the leaves",
@@ -445,8 +446,8 @@ class LevelSettings:
         require(self, "sizes", falling, f"at most {MOST_SIZES} fractions, the largest first")
         if (self.pixels, self.wish, self.chain) != (None, None, "billboards"):
             raise SettingsError(
-                "`sizes` needs `quality`, which judges the levels: leave out `pixels`, `seconds`, `image_error`, `preset` "
-                "and `chain`"
+                "`sizes` needs `quality`, which judges the levels: leave out `pixels`, `seconds`, `image_error`, "
+                "`preset` and `chain`"
             )
 
     def _check_wishes(self) -> None:

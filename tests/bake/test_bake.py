@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from bakes import folder_of, kept, report_of
+from bakes import BAKES, folder_of, kept, report_of
 from command_line import QUICK, bake, report_in, saved
 from glb import Node, Primitive, read_glb
 from night import rest_at_night
@@ -407,7 +407,7 @@ def test_lod_0_is_the_input_bit_for_bit_until_it_moves(shrub: Path, baked: tuple
 @pytest.mark.fresh
 def test_two_runs_write_the_same_bytes(shrub: Path, tmp_path: Path, baked: tuple[Path, dict[str, Any]]) -> None:
     first, report = baked
-    again = bake(shrub, tmp_path, "--texture-size", 256, "--effects=+pruning", "--every-level")
+    again = bake(shrub, tmp_path, *BAKES["sharp"])
     for name in report["files"]:
         if not name.endswith((".blend", ".json", ".html")):  # Both texts have seconds.
             assert (first / name).read_bytes() == (tmp_path / name).read_bytes(), name

@@ -52,7 +52,8 @@ def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> 
 
 def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types.Object) -> None:
     status, settings = bpy.context.window_manager.leafcloud, bpy.context.scene.leafcloud
-    settings.texture_size, settings.epsilon, settings.quality = 64, 0.2, 0.1
+    settings.texture_size, settings.epsilon, settings.every_level = 64, 0.2, True
+    settings.quality = 0.1
     bpy.ops.leafcloud.bake()
     assert (status.note, status.viewer) == ("The camera stands still, so all levels are made", "camera")
     bpy.ops.leafcloud.bake(viewer=status.viewer)

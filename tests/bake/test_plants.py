@@ -11,6 +11,7 @@ import pytest
 from command_line import bake
 from plants import PLANTS, write
 
+
 @pytest.mark.parametrize(
     "name", [name if name == "pot" else pytest.param(name, marks=pytest.mark.night) for name in PLANTS]
 )

@@ -180,7 +180,7 @@ def test_a_level_hands_over_shortly_before_its_transition_ends() -> None:
     """Level 1 appears at a = 0.998. Its fade-in ends 5 % farther away. The leaves vanish 10 % farther away."""
     leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     assert (leaves.appear, leaves.start, leaves.end, leaves.fade_in_end) == (0.0, 5.0, 10.0, 0.0)
-    assert (first.appear, first.start, first.end) == (pytest.approx(9.99), 20.0, 40.0)
+    assert (first.appear, first.start, first.end) == (pytest.approx(9.99), leaves.vanish, 40.0)
     assert leaves.fade_out_start == first.fade_in_end == pytest.approx(1.05 * 9.99)
     assert leaves.vanish == pytest.approx(1.1 * 9.99)
 
@@ -207,7 +207,7 @@ def test_simplified_leaves_take_over_without_a_fade() -> None:
     leaves, simplified, cloud = lod_ranges((0.0, 10.0, 40.0), (FADE, HandOverKind.MORPH, BOTH), transitions=True)
     assert (leaves.start, leaves.end, leaves.vanish, simplified.appear) == (5.0, 10.0, 10.0, 10.0)
     assert not leaves.fades
-    assert (simplified.start, simplified.end, cloud.appear) == (20.0, 40.0, pytest.approx(39.96))
+    assert (simplified.start, simplified.end, cloud.appear) == (10.0, 40.0, pytest.approx(39.94))
     assert simplified.vanish > cloud.fade_in_end > cloud.appear
 
 

@@ -33,7 +33,11 @@ def test_a_sphere_appears_as_large_as_its_distance_says() -> None:
 
 
 def test_a_level_that_looks_different_is_named_unless_it_is_too_small_to_see() -> None:
-    levels = [SimpleNamespace(method="stochastic"), SimpleNamespace(method="stochastic"), SimpleNamespace(method="cross")]
+    levels = [
+        SimpleNamespace(method="stochastic"),
+        SimpleNamespace(method="stochastic"),
+        SimpleNamespace(method="cross"),
+    ]
     sizes = [taken(300.0), taken(40.0, passes=False), taken(10.0, passes=False)]
     chain: Any = SimpleNamespace(levels=levels, takes_over=sizes)
     [warning] = quality_warnings(chain)

@@ -91,7 +91,9 @@ impl Wanted {
             return Tree { foliage, trunk, settings }.finished(built, None, *last, progress);
         };
         wishes.check()?;
-        let settings = &if wishes.is_quick() { with_fewer_views(settings) } else { settings.clone() };
+        let settings = if wishes.is_quick() { with_fewer_views(settings) } else { settings.clone() };
+        // Levels at wished sizes are made, whatever they save and however they look.
+        let settings = &ChainSettings { every_level: settings.every_level || !wishes.sizes.is_empty(), ..settings };
         progress.tell("measure", 0.0)?;
         let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
         let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
@@ -173,7 +175,8 @@ fn for_scene(
 /// Returns the settings with pages within the budget of memory, unless they are given.
 fn within_memory(settings: &ChainSettings, wishes: &Wishes) -> ChainSettings {
     let channels = settings.channels.completed();
-    let images = 1 + [channels.normal.is_some(), channels.orm, channels.translucency].into_iter().filter(|on| *on).count();
+    let images =
+        1 + [channels.normal.is_some(), channels.orm, channels.translucency].into_iter().filter(|on| *on).count();
     let side = wishes.page_side(images).min(settings.texture_size.width);
     let texture_size = if settings.fitting_pages { side.into() } else { settings.texture_size };
     ChainSettings { texture_size, ..settings.clone() }
@@ -200,13 +203,15 @@ impl Tree<'_> {
     /// Finds where leaves and clouds take over.
     fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick) -> Result<Chosen> {
         let mut takes_over: Vec<Passed> = chosen.leaf_level.iter().map(|level| level.passed).collect();
-        let mut before = chosen.leaf_level.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
+        let mut before =
+            chosen.leaf_level.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
         for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
             let nearest = if wishes.is_quick() { NEAREST_OF_QUICK } else { LARGEST_CROWN };
             let most = takes_over.last().map_or(nearest, |finer| finer.crown / LEAST_STEP);
             let most = if number == 0 { most } else { most.min(LATER_CROWN) };
             let shown = drawn(level, wishes)?;
-            let passed = yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
+            let passed =
+                yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
             let Some(passed) = passed else { continue };
             let crown = match wishes.crown(number) {
                 Some(crown) => crown,

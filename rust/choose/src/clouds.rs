@@ -99,7 +99,8 @@ pub fn tried_epsilons(
         if is_right || tried.len() == most || (epsilon / last.epsilon - 1.0).abs() < 0.05 {
             break;
         }
-        let draft = drafts.with(epsilon, progress.part(0.3 + 0.2 * tried.len() as f64, 0.5 + 0.2 * tried.len() as f64))?;
+        let draft =
+            drafts.with(epsilon, progress.part(0.3 + 0.2 * tried.len() as f64, 0.5 + 0.2 * tried.len() as f64))?;
         tried.push(judge(&draft, epsilon)?);
     }
     if tried.len() == most && !wishes.is_quick() {
@@ -159,7 +160,7 @@ mod tests {
         let together = |count: usize| found[..count].iter().map(|step| step.epsilon.powi(2)).sum::<f64>().sqrt();
         let crowns: Vec<f64> = found.iter().map(|step| step.crown_pixels).collect();
         assert_eq!(crowns, [540.0, 100.0]);
-        for (count, expected) in [(1, 0.04), (2, 0.04 * (3.0 / 60.0) / 0.025)] {
+        for (count, expected) in [(1, 0.04), (2, 0.04 * (3.0 / 95.0) / 0.025)] {
             assert!((together(count) - expected).abs() < 1e-9, "{count}: {} {expected}", together(count));
         }
     }

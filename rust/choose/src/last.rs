@@ -96,7 +96,11 @@ pub fn octahedral(
         Octahedral::build(place.parts, simpler, size, references, settings, progress)
     };
     let Some(judge) = judge else {
-        return if last == Last::Octahedral { build(Size::default()).map(|built| Some((built, None))) } else { Ok(None) };
+        return if last == Last::Octahedral {
+            build(Size::default()).map(|built| Some((built, None)))
+        } else {
+            Ok(None)
+        };
     };
     if last == Last::Cross {
         return Ok(None);
@@ -106,7 +110,9 @@ pub fn octahedral(
     let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
     let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, largest)?;
     let is_worth_it = match (passed, cross) {
-        (Some(own), Some(cross)) if own.passes => saving(place, own.crown, cross, &built.layout, settings.up)? >= LEAST_SAVING,
+        (Some(own), Some(cross)) if own.passes => {
+            saving(place, own.crown, cross, &built.layout, settings.up)? >= LEAST_SAVING
+        }
         _ => false,
     };
     Ok((last == Last::Octahedral || is_worth_it).then_some((built, passed)))

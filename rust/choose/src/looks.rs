@@ -77,7 +77,8 @@ fn alpha(image: &Image) -> impl Iterator<Item = f64> {
 /// Returns the mean color, weighted by alpha, as codes over 255; black for an empty picture.
 fn mean_color(image: &Image) -> [f64; 3] {
     let covered = alpha(image).sum::<f64>().max(f64::MIN_POSITIVE);
-    let sum = |i: usize| image.pixels().iter().map(|p| f64::from(p[i]) * f64::from(p[3]) / (255.0 * 255.0)).sum::<f64>();
+    let sum =
+        |i: usize| image.pixels().iter().map(|p| f64::from(p[i]) * f64::from(p[3]) / (255.0 * 255.0)).sum::<f64>();
     std::array::from_fn(|i| sum(i) / covered)
 }
 
@@ -172,7 +173,10 @@ mod tests {
     }
 
     fn board(dark: u8, light: u8, side: usize) -> Image {
-        picture(|x, y| [0, 0, 0, 255].map(|alpha: u8| alpha.max(if (x / side + y / side) % 2 == 0 { dark } else { light })))
+        picture(|x, y| {
+            [0, 0, 0, 255]
+                .map(|alpha: u8| alpha.max(if (x / side + y / side).is_multiple_of(2) { dark } else { light }))
+        })
     }
 
     #[test]
@@ -198,7 +202,8 @@ mod tests {
 
     #[test]
     fn cells_tell_where_leaves_are_missing_and_coverage_how_many() {
-        let rows = |from: usize, to: usize| picture(move |_, y| if (from..to).contains(&y) { [9, 9, 9, 255] } else { [0; 4] });
+        let rows =
+            |from: usize, to: usize| picture(move |_, y| if (from..to).contains(&y) { [9, 9, 9, 255] } else { [0; 4] });
         let moved = Looks::of(&rows(0, 32), &rows(32, 64)).unwrap();
         assert_eq!((moved.coverage, moved.cells), (1.0, 2.0));
         let half = Looks::of(&rows(0, 32), &rows(0, 16)).unwrap();

@@ -95,7 +95,8 @@ mod tests {
     fn triangles_cost_by_the_square_of_the_distance() {
         let scene = Scene::to(50.0).unwrap();
         let (many, none) = (vec![1.0; scene.rings.len()], vec![0.0; scene.rings.len()]);
-        let at = |distance: f64| scene.cost(PIXELS_BY_DISTANCE / distance, &many, &none) / scene.cost(0.0, &many, &none);
+        let at =
+            |distance: f64| scene.cost(PIXELS_BY_DISTANCE / distance, &many, &none) / scene.cost(0.0, &many, &none);
         let near = PIXELS_BY_DISTANCE / NEAREST;
         for distance in [near, 5.0, 17.0, 50.0, 90.0] {
             let to = f64::min(distance, 50.0);

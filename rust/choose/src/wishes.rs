@@ -9,8 +9,8 @@ use crate::scene::{NEAREST, Scene};
 /// Range of quality.
 pub const QUALITY: Limits = Limits::SHARE;
 
-/// Range of the budget of compressed textures, in MB.
-pub const MEMORY: Limits = Limits::between(0.01, 10_000.0);
+/// Range of the budget of compressed textures, in MB. The smallest has room for some thousand billboards.
+pub const MEMORY: Limits = Limits::between(0.25, 10_000.0);
 
 /// Range of a size at which a level takes over, as a share of the picture's height.
 pub const SIZE: Limits = Limits { above: true, ..Limits::between(0.01, 1.0) };
@@ -133,7 +133,10 @@ mod tests {
     #[test]
     fn pages_fit_the_budget() {
         let side = |memory, images| Wishes { memory, ..Wishes::default() }.page_side(images);
-        assert_eq!([(4.0, 2), (4.0, 3), (16.0, 2), (1.0, 2), (0.01, 2)].map(|(m, i)| side(m, i)), [1024, 512, 2048, 512, 64]);
+        assert_eq!(
+            [(4.0, 2), (4.0, 3), (16.0, 2), (1.0, 2), (0.25, 2)].map(|(m, i)| side(m, i)),
+            [1024, 512, 2048, 512, 256]
+        );
     }
 
     #[test]

@@ -139,7 +139,9 @@ impl Yardstick {
     /// # Errors
     /// Those of a render.
     pub fn judge(&self, level: Subject, side: usize, q: f64) -> Result<Option<Judgement>> {
-        let Some(Size { reference, control, .. }) = self.0.iter().find(|size| size.side == side) else { return Ok(None) };
+        let Some(Size { reference, control, .. }) = self.0.iter().find(|size| size.side == side) else {
+            return Ok(None);
+        };
         let crown = crown_pixels(side as f64);
         let of_light = |(pictures, control): (&Pictures, &Looks)| {
             let looks = mean(pictures, side)?;

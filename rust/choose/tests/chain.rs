@@ -3,7 +3,7 @@
 #[path = "../../curve/tests/common/mod.rs"]
 mod common;
 
-use common::crown;
+use common::{crown, crown_of};
 use leafcloud::fit::FitSettings;
 use leafcloud::lod::ChainSettings;
 use leafcloud::textures::Samples;
@@ -11,9 +11,13 @@ use leafcloud::{Foliage, Progress, Result};
 use leafcloud_choose::{Chosen, Last, Wanted, Wishes};
 
 fn built(foliage: &Foliage, settings: ChainSettings, wishes: Option<Wishes>, last: Last) -> Result<Chosen> {
-    let settings =
-        ChainSettings { samples: Samples::new(1)?, every_level: false, tight_pages: false, ..settings };
+    let settings = ChainSettings { samples: Samples::new(1)?, every_level: false, tight_pages: false, ..settings };
     Wanted { settings, wish: None, wishes, last }.build(foliage, None, Progress::silent())
+}
+
+/// Small pages and a low quality are quick.
+fn small() -> Wishes {
+    Wishes { memory: 0.25, quality: 0.2, ..Wishes::default() }
 }
 
 fn chosen(foliage: &Foliage, wishes: Wishes) -> Chosen {
@@ -26,7 +30,7 @@ fn sizes(chosen: &Chosen) -> Vec<f64> {
 
 #[test]
 fn levels_take_over_where_they_look_like_the_leaves_one_after_another() {
-    let found = chosen(&crown(600), Wishes::default());
+    let found = chosen(&crown_of(1500, 0.04), Wishes { quality: 0.3, ..small() });
     let clouds = found.chain.levels.iter().filter(|level| !level.is_cross()).count();
     assert!(clouds > 0 && found.takes_over.len() == found.chain.levels.len());
     for passed in &found.takes_over[..clouds] {
@@ -39,34 +43,35 @@ fn levels_take_over_where_they_look_like_the_leaves_one_after_another() {
 
 #[test]
 fn more_quality_allows_less_deviation() {
-    let foliage = crown(600);
-    let epsilon = |quality| chosen(&foliage, Wishes { quality, ..Wishes::default() }).tried.last().unwrap().epsilon;
-    let found = [1.0, 0.5, 0.0].map(epsilon);
-    assert!(found[0] < 0.8 * found[1] && found[1] < 0.8 * found[2], "{found:?}");
+    let foliage = crown(300);
+    let epsilon = |quality| chosen(&foliage, Wishes { quality, ..small() }).tried.last().unwrap().epsilon;
+    let found = [1.0, 0.5].map(epsilon);
+    assert!(found[0] < 0.8 * found[1], "{found:?}");
 }
 
 #[test]
 fn wished_sizes_and_a_given_epsilon_are_kept() {
-    let foliage = crown(300);
-    let found = chosen(&foliage, Wishes { sizes: vec![0.4, 0.1], ..Wishes::default() });
+    let foliage = crown(200);
+    let found = chosen(&foliage, Wishes { sizes: vec![0.4, 0.1], ..small() });
     assert_eq!(sizes(&found)[..2], [432.0, 108.0]);
     let settings = ChainSettings {
         fit: FitSettings { epsilon: 0.05, ..FitSettings::default() },
         levels: 1,
         ..ChainSettings::default()
     };
-    let given = built(&foliage, settings, Some(Wishes { free: false, ..Wishes::default() }), Last::Cross).unwrap();
+    let given =
+        built(&foliage, settings, Some(Wishes { free: false, sizes: vec![0.3], ..small() }), Last::Cross).unwrap();
     assert!(given.tried.is_empty() && given.chain.levels[0].epsilon == Some(0.05));
 }
 
 #[test]
 fn pages_keep_to_the_memory() {
-    let foliage = crown(300);
+    let foliage = crown(200);
     let side = |memory| {
-        let found = chosen(&foliage, Wishes { memory, ..Wishes::default() });
+        let found = chosen(&foliage, Wishes { memory, sizes: vec![0.4], ..small() });
         found.chain.levels.iter().map(|level| level.page.base_color.width()).max().unwrap()
     };
-    assert!(side(0.1) <= 128 && side(4.0) > 128);
+    assert!(side(0.25) <= 256 && side(4.0) > 256);
 }
 
 #[test]
@@ -74,7 +79,7 @@ fn the_number_of_threads_changes_nothing() {
     let foliage = crown(200);
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let found = pool.install(|| chosen(&foliage, Wishes::default()));
+        let found = pool.install(|| chosen(&foliage, small()));
         (sizes(&found), found.tried)
     };
     assert_eq!(with(1), with(5));
@@ -83,7 +88,7 @@ fn the_number_of_threads_changes_nothing() {
 #[test]
 fn the_last_level_has_the_form_that_is_asked_for() {
     let foliage = crown(300);
-    let last = |form| built(&foliage, ChainSettings::default(), Some(Wishes::default()), form).unwrap();
+    let last = |form| built(&foliage, ChainSettings::default(), Some(small()), form).unwrap();
     assert!(last(Last::Cross).octahedral.is_none());
     let impostor = last(Last::Octahedral);
     assert!(impostor.octahedral.is_some() && impostor.plain.is_some(), "plain files show the cross impostor");

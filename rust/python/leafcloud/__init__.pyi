@@ -962,9 +962,9 @@ def build_chain(
     where it takes over (``Chain.left_out``, :func:`drawing_cost`). The last level stays if there is no other.
     ``pixels``: size at which a level's deviation appears where the level takes over.
     ``quality``: from 0 (fast) to 1 (exact), how little levels differ where they take over
-    (:func:`allowed_difference`). Finds where each level takes over (``Chain.takes_over``), and chooses ``epsilon``, unless
-    given, sizes and pages. A cloud after the first one then saves half of the cost of the level before. ``None``: the
-    other options decide.
+    (:func:`allowed_difference`). Finds where each level takes over (``Chain.takes_over``), and chooses ``epsilon``,
+    unless given, sizes and pages. A cloud after the first one then saves half of the cost of the level before.
+    ``None``: the other options decide.
     ``scene``, with ``quality``: distance to the horizon of an even plantation that is cheap to draw, in R.
     ``memory_budget``, with ``quality``: MB of the levels' compressed textures.
     ``sizes``, with ``quality``: sizes of the crown where levels take over, as fractions of 1080 lines, descending.

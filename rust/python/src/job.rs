@@ -26,7 +26,7 @@ use crate::work::{self, OfThisProcess, PATIENCE, guard};
 #[derive(Clone)]
 enum Output {
     Cloud(CloudInFrame),
-    Chain(Chosen, Frame),
+    Chain(Box<Chosen>, Frame),
     Curve(Arc<Curve>),
 }
 
@@ -34,7 +34,7 @@ impl Output {
     fn into_python(self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         Ok(match self {
             Self::Cloud(cloud) => Py::new(py, PyCloud(cloud))?.into_any(),
-            Self::Chain(chosen, frame) => Py::new(py, PyChain { chosen, frame })?.into_any(),
+            Self::Chain(chosen, frame) => Py::new(py, PyChain { chosen: *chosen, frame })?.into_any(),
             Self::Curve(curve) => Py::new(py, PyCurve(curve))?.into_any(),
         })
     }
@@ -96,7 +96,7 @@ impl Work {
             }
             Self::Chain(foliage, trunk, wanted) => {
                 let chosen = wanted.build(foliage, trunk.as_deref(), progress)?;
-                Ok(Output::Chain(chosen, *foliage.frame()))
+                Ok(Output::Chain(Box::new(chosen), *foliage.frame()))
             }
             Self::Curve(foliage, trunk, settings, wanted) => {
                 let curve = sweep(foliage, trunk.as_deref(), settings, *wanted, progress)?;

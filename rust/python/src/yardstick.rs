@@ -68,7 +68,8 @@ pub fn page_side(memory_budget: f64) -> usize {
 const TYPICAL_IMAGES: usize = 2;
 
 fn all(yardstick: &Yardstick, level: Subject, q: f64) -> leafcloud::Result<Vec<Judgement>> {
-    let judged = yardstick.sides().map(|side| yardstick.judge(level, side, q)).collect::<leafcloud::Result<Vec<_>>>()?;
+    let judged =
+        yardstick.sides().map(|side| yardstick.judge(level, side, q)).collect::<leafcloud::Result<Vec<_>>>()?;
     Ok(judged.into_iter().flatten().collect())
 }
 

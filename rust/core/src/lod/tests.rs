@@ -292,11 +292,12 @@ fn steps_set_the_bound_and_the_size_of_each_cloud() {
     assert!(message.starts_with("`crown_pixels` is NaN"), "{message}");
 }
 
-/// Square leaves far from one another, each beside a copy half a leaf away and a little higher: merged, one hides half of the other.
+/// Square leaves far from one another, each beside a copy three quarters of a leaf away and higher: merged, one hides a quarter of the other.
 fn overlapping() -> Foliage {
     let leaf = |number: usize| {
         let (pair, copy) = (number / 2, (number % 2) as f64);
-        let place = DVec3::new((pair % 6) as f64, (pair / 6 % 6) as f64, 0.0) + DVec3::new(0.1 * copy, 0.0, 0.1 * copy);
+        let place =
+            DVec3::new((pair % 6) as f64, (pair / 6 % 6) as f64, 0.0) + DVec3::new(0.15 * copy, 0.0, 0.1 * copy);
         [(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)].map(|(x, y)| place + DVec3::new(x, y, 0.0))
     };
     let corners: Vec<DVec3> = (0..72).flat_map(leaf).collect();

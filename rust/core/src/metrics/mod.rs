@@ -267,5 +267,4 @@ impl Comparison {
     pub fn coverage(&self) -> f64 {
         coverage(self.flat.base.iter().zip(self.flat.level.iter()))
     }
-
 }
