@@ -11,7 +11,7 @@ its users give it:
   1/8 of the picture's height,
 - *published*: the literal algorithm, ε = 0.04 R, a page of 1024²,
 - *cross*: the cross impostor alone.
-Without plants it writes docs/bench/scene.md.
+Without plants it writes docs/bench/scene.md and scene.png.
 """
 
 from __future__ import annotations
@@ -36,12 +36,17 @@ from unseen_trees import TREES
 from unseen_trees import write as write_unseen
 
 import leafcloud
-from addon.bake.drawing import drawing_costs
+from addon.bake.drawing import drawing_costs, level_trunks
 from addon.bake.part import described_part
 from addon.bake.values import Baked
 from addon.settings.bake import BakeSettings
 
 DOCUMENT = ROOT / "docs" / "bench" / "scene.md"
+PICTURE = DOCUMENT.with_suffix(".png")
+SIDE, BESIDE = 256, 3
+"""Greatest side of the pictures of leaves and level 1; plants in a row."""
+SKY = np.array([140.0, 168.0, 199.0])
+Bytes = NDArray[np.uint8]
 LINES, PIXELS = 1080.0, 2313.0
 """Lines of the picture; diameter of a crown in pixels times its distance in R."""
 HORIZONS = (50.0, 200.0)
@@ -54,6 +59,10 @@ Made by `make bench-scene` on {commit}; the first lines of `bench/scene.py` tell
 many times fewer a plantation needs than with leaves alone. *Takes over*: diameter of the crown in pixels.
 *Difference*, *places*: over those of the leaves in a light breeze; *contrast*, *coverage*: over the leaves'. *Excess*:
 the most that a figure uses of what is allowed (at most 1 passes). *MB*: compressed textures of all levels.
+
+Leaves and level 1 of each plant, with their trunks, at the size where it takes over (at most {side} pixels):
+
+![Leaves and level 1 of each plant](scene.png)
 """
 
 
@@ -174,6 +183,41 @@ def simplified(geometry: Any, share: float) -> NDArray[np.int64]:
     return unique[kept[:count]].reshape(-1, 3).astype(np.int64)
 
 
+def beside(baked: Baked) -> Bytes:
+    """Return pictures of the leaves and of level 1 with their trunks, at its hand-over."""
+    prepared, level = baked.prepared, baked.chain.levels[0]
+    side = max(16, min(SIDE, round(baked.chain.takes_over[0]["crown_pixels"])))
+    trunk, thin = level_trunks(baked)[:2]
+    own = level if isinstance(level, leafcloud.OctahedralLevel) else level.foliage()
+    view: dict[str, Any] = {
+        "centre": prepared.foliage.world_centre,
+        "radius": prepared.foliage.radius,
+        "sun": (0.5, -0.5, 0.7),
+    }
+    sheet = np.empty((SIDE + 24, 2 * SIDE + 8, 3))
+    sheet[:] = SKY
+    text = leafcloud.draw_text(prepared.tree.name, 16.0)[:, : 2 * SIDE]
+    sheet[2 : 2 + len(text), 4 : 4 + text.shape[1]] *= 1.0 - text[..., None] / 255.0
+    for number, (shown, wood) in enumerate(((prepared.foliage, trunk), (own, thin))):
+        if isinstance(shown, leafcloud.OctahedralLevel):
+            picture = shown.render((0.9, 0.4, 0.2), side, **view)
+        else:
+            picture = leafcloud.render([shown, *([wood] if wood else [])], (0.9, 0.4, 0.2), side, **view)
+        alpha = picture[..., 3:] / 255.0
+        top, left = 24 + (SIDE - side) // 2, number * (SIDE + 8) + (SIDE - side) // 2
+        sheet[top : top + side, left : left + side] = picture[..., :3] * alpha + SKY * (1.0 - alpha)
+    return sheet.astype(np.uint8)
+
+
+def sheet_of(pictures: Sequence[Bytes]) -> Bytes:
+    """Return all pictures in rows, opaque."""
+    empty = np.full_like(pictures[0], SKY.astype(np.uint8))
+    filled = [*pictures, *[empty] * (-len(pictures) % BESIDE)]
+    rows = [np.hstack(filled[first : first + BESIDE]) for first in range(0, len(filled), BESIDE)]
+    whole = np.vstack(rows)
+    return np.dstack([whole, np.full(whole.shape[:2], 255, np.uint8)])
+
+
 def lines_of(name: str, levels: Sequence[Drawn], memory: float | None) -> list[str]:
     """Return the row of a chain, and those of its levels."""
     figures = [f"{value:.2f}" for horizon in HORIZONS for value in saved(levels, horizon)]
@@ -203,15 +247,16 @@ def geometric(rows: Sequence[tuple[float, float]]) -> str:
     return " and ".join(f"{mean:.2f}" for mean in means)
 
 
-def measured(plants: Sequence[Path]) -> list[str]:
-    """Return the lines of the document."""
-    tables, chains = [], dict[str, list[Sequence[Drawn]]]()
+def measured(plants: Sequence[Path]) -> tuple[list[str], Bytes]:
+    """Return the lines of the document, and its picture."""
+    tables, chains, pictures = [], dict[str, list[Sequence[Drawn]]](), []
     for plant in plants:
         started = time.perf_counter()
         baked = bake_alone(plant, BakeSettings())
         seconds = time.perf_counter() - started
         found = {"ours": ours(baked), **rivals(baked)}
         memory = megabytes(baked.chain.levels)
+        pictures.append(beside(baked))
         lines = [f"\n## {plant.stem}\n", f"Baked in {seconds:.0f} s.\n", *HEAD]
         for name, levels in found.items():
             lines += lines_of(name, levels, memory if name == "ours" else None)
@@ -224,7 +269,7 @@ def measured(plants: Sequence[Path]) -> list[str]:
         sizes = [levels[1].crown for levels in all_levels if len(levels) > 1]
         whole.append(f"| {name} | {' | '.join(means)} | {np.median(sizes):.0f} |")
     print("\n".join(whole))
-    return [f"Geometric means over {len(plants)} plants:\n", *whole, *tables]
+    return [f"Geometric means over {len(plants)} plants:\n", *whole, *tables], sheet_of(pictures)
 
 
 def main() -> None:
@@ -234,9 +279,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         made = [write(name, Path(folder)) for name in PLANTS]
         made += [write_unseen(name, Path(folder)) for name in TREES]
-        lines = measured(given or [*measured_trees(), *made])
+        lines, picture = measured(given or [*measured_trees(), *made])
     if not given:
-        DOCUMENT.write_text(INTRODUCTION.format(commit=measured_commit()) + "\n" + "\n".join(lines) + "\n")
+        leafcloud.write_png(str(PICTURE), picture)
+        DOCUMENT.write_text(INTRODUCTION.format(commit=measured_commit(), side=SIDE) + "\n" + "\n".join(lines) + "\n")
         print(f"{DOCUMENT} is written", file=sys.stderr)
 
 
