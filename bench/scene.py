@@ -7,8 +7,8 @@ Each plant is baked without settings. The scene is an even plantation to 50 and 
 crown fills the picture: pictures of 1080 lines, a vertical field of view of 50°. Beside it stand what else one might
 use, made from the same leaves, each level at the largest size at which it passes the yardstick, or at the size that
 its users give it:
-- *halves*: meshoptimizer's simplification with attributes, pruned, to 1/2, 1/4 and 1/8 of the triangles at 1/2, 1/4 and
-  1/8 of the picture's height,
+- *halves*: meshoptimizer's simplification, pruned, to 1/2, 1/4 and 1/8 of the triangles at 1/2, 1/4 and 1/8 of the
+  picture's height; the trunk has the same share,
 - *published*: the literal algorithm, ε = 0.04 R, a page of 1024²,
 - *cross*: the cross impostor alone.
 Without plants it writes docs/bench/scene.md and scene.png.
@@ -150,7 +150,8 @@ def rivals(baked: Baked) -> dict[str, list[Drawn]]:
     for share, crown in HALVES.items():
         corners = simplified(prepared.tree.leaves, share)
         if len(corners):
-            halves.append(drawn(f"1/{1 / share:.0f}", part.of(corners).foliage(), len(corners) + bare, crown))
+            triangles = len(corners) + round(share * bare)
+            halves.append(drawn(f"1/{1 / share:.0f}", part.of(corners).foliage(), triangles, crown))
     shape: dict[str, Any] = {"normals": 0.0, "every_level": True, "cross": False}
     cloud = leafcloud.build_chain(leaves, effort="literal", epsilon=0.04, levels=1, texture_size=1024, **shape).levels[
         0
