@@ -444,6 +444,8 @@ class LevelSettings:
             return
         falling = all(near > far for near, far in pairwise(self.sizes)) and len(self.sizes) <= MOST_SIZES
         require(self, "sizes", falling, f"at most {MOST_SIZES} fractions, the largest first")
+        if self.form == "leaves":
+            raise SettingsError("`sizes` makes clouds: leave out `form=leaves`, or `sizes`")
         if (self.pixels, self.wish, self.chain) != (None, None, "billboards"):
             raise SettingsError(
                 "`sizes` needs `quality`, which judges the levels: leave out `pixels`, `seconds`, `image_error`, "

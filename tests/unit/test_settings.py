@@ -50,6 +50,11 @@ def test_the_defaults_match_the_command_line() -> None:
         ("max_size", 0.01),
         ("compact", 0.0),
         ("max_corners", 2),
+        ("scene", 1.0),
+        ("memory_budget", 0.0),
+        ("sizes", (2.0,)),
+        ("sizes", (0.1, 0.4)),
+        ("sizes", (0.5, 0.4, 0.3, 0.2, 0.1)),
         ("vertical", 1.5),
         ("facing_views", -0.1),
         ("image_epsilon", 2.0),
@@ -99,6 +104,10 @@ def test_settings_that_depend_on_each_other_are_checked_together() -> None:
         BakeSettings(viewing_distance=2.0)
     with pytest.raises(SettingsError, match="`chain=pruning` and `cross=False` exclude each other"):
         BakeSettings(chain="pruning", cross=False)
+    with pytest.raises(SettingsError, match="`sizes` needs `quality`"):
+        BakeSettings(sizes=(0.5,), pixels=8.0)
+    with pytest.raises(SettingsError, match="`sizes` makes clouds"):
+        BakeSettings(sizes=(0.5,), form="leaves")
     assert BakeSettings(method="kmeans", max_billboards=20).max_billboards == 20
 
 

@@ -212,7 +212,6 @@ impl Tree<'_> {
             let shown = drawn(level, wishes)?;
             let passed =
                 yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
-            let Some(passed) = passed else { continue };
             let crown = match wishes.crown(number) {
                 Some(crown) => crown,
                 None => self.cheaper_from(passed.crown, &shown, &before)?,
@@ -268,11 +267,11 @@ impl Tree<'_> {
         let of_cross = yardstick.largest(Subject::Foliage(&drawn(cross, wishes)?), wishes.q(), most)?;
         let mut takes_over = chosen.takes_over.clone();
         let Some((impostor, passed)) = made else {
-            takes_over.extend(of_cross);
+            takes_over.push(of_cross);
             return Ok(Chosen { takes_over, ..chosen });
         };
         takes_over.extend(passed);
-        Ok(Chosen { takes_over, plain: of_cross, octahedral: Some(Arc::new(impostor)), ..chosen })
+        Ok(Chosen { takes_over, plain: Some(of_cross), octahedral: Some(Arc::new(impostor)), ..chosen })
     }
 }
 
@@ -280,7 +279,8 @@ impl Tree<'_> {
 fn without_failing(chosen: Chosen, every_level: bool) -> Chosen {
     let Chosen { chain, mut takes_over, .. } = chosen;
     let mut chain = Arc::unwrap_or_clone(chain);
-    while !every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
+    let others = |chain: &Chain, takes_over: &[Passed]| takes_over.len() > 1 && chain.levels.len() > 1;
+    while !every_level && others(&chain, &takes_over) && takes_over.last().is_some_and(|last| !last.passes) {
         takes_over.pop();
         let last = chain.levels.iter().rposition(|level| !level.is_cross());
         last.map(|last| chain.levels.remove(last));

@@ -109,13 +109,8 @@ pub fn octahedral(
     let built = build(if last == Last::Octahedral { Size::default() } else { Size::for_crown(largest) })?;
     let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
     let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, largest)?;
-    let is_worth_it = match (passed, cross) {
-        (Some(own), Some(cross)) if own.passes => {
-            saving(place, own.crown, cross, &built.layout, settings.up)? >= LEAST_SAVING
-        }
-        _ => false,
-    };
-    Ok((last == Last::Octahedral || is_worth_it).then_some((built, passed)))
+    let is_worth_it = passed.passes && saving(place, passed.crown, cross, &built.layout, settings.up)? >= LEAST_SAVING;
+    Ok((last == Last::Octahedral || is_worth_it).then_some((built, Some(passed))))
 }
 
 /// By what an octahedral impostor is judged.

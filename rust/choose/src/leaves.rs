@@ -65,7 +65,9 @@ pub fn leaf_level(
     settings: &ChainSettings,
     progress: Progress,
 ) -> Result<Option<LeafLevel>> {
-    let (form, q) = (wishes.form, wishes.q());
+    // Levels at wished sizes are clouds.
+    let form = if wishes.sizes.is_empty() { wishes.form } else { Form::Billboards };
+    let q = wishes.q();
     let are_cards = (foliage.triangle_count() as f64) < WORTH_A_TRY * foliage.leaf_count() as f64;
     if form == Form::Billboards || form == Form::Auto && are_cards {
         return Ok(None);
@@ -79,7 +81,9 @@ pub fn leaf_level(
     for bound in BOUNDS {
         let Some(leaves) = simplified_leaves(foliage, bound, progress)? else { continue };
         let passed = yardstick.largest(Subject::Foliage(&leaves.foliage), q, LARGEST_CROWN)?;
-        let Some(passed) = passed.filter(|passed| passed.passes) else { break };
+        if !passed.passes {
+            break;
+        }
         let own = scene.costs(&leaves.foliage, settings.up)?;
         let found = scene.cost(passed.crown, &whole, &own);
         if found < least && leaves.foliage.triangle_count() <= most {

@@ -47,7 +47,7 @@ const COLOR: f64 = 0.01;
 const CELLS_FROM: usize = 64;
 
 /// How a level looks in pictures of one size.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Judgement {
     /// Diameter of the crown in pixels.
     pub crown: f64,
@@ -154,11 +154,12 @@ impl Yardstick {
     }
 
     /// Returns the largest diameter of the crown in pixels at which a level passes, up to `most`, with its judgement in the pictures nearest to it.
-    /// Between two sizes the excess is taken as linear in the logarithm of the size. If it passes nowhere: [`UNJUDGED`].
+    /// Between two sizes the excess is taken as linear in the logarithm of the size. If it passes nowhere, or no leaf is
+    /// seen in the pictures: [`UNJUDGED`].
     ///
     /// # Errors
     /// Those of a render.
-    pub fn largest(&self, level: Subject, q: f64, most: f64) -> Result<Option<Passed>> {
+    pub fn largest(&self, level: Subject, q: f64, most: f64) -> Result<Passed> {
         let mut above: Option<Judgement> = None;
         for side in self.sides() {
             let is_last = side / 2 < SMALLEST;
@@ -172,11 +173,11 @@ impl Yardstick {
                 let crown = over.map_or(most, |(crown, larger)| {
                     judged.crown * libm::pow(crown / judged.crown, (1.0 - excess) / (larger - excess))
                 });
-                return Ok(Some(Passed { crown: crown.min(most), judged, passes: true }));
+                return Ok(Passed { crown: crown.min(most), judged, passes: true });
             }
             above = Some(judged);
         }
-        Ok(above.map(|judged| Passed { crown: UNJUDGED, judged, passes: false }))
+        Ok(Passed { crown: UNJUDGED, judged: above.unwrap_or_default(), passes: false })
     }
 }
 

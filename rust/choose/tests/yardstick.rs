@@ -55,12 +55,12 @@ fn missing_leaves_fail_by_the_coverage() {
 fn a_level_takes_over_at_most_where_it_may() {
     let leaves = crown(400);
     let yardstick = yardstick(&leaves);
-    let whole = yardstick.largest(Subject::Foliage(&leaves), 1.0, 540.0).unwrap().unwrap();
+    let whole = yardstick.largest(Subject::Foliage(&leaves), 1.0, 540.0).unwrap();
     assert_eq!((whole.crown, whole.passes), (540.0, true));
-    let near = yardstick.largest(Subject::Foliage(&leaves), 1.0, 50.0).unwrap().unwrap();
+    let near = yardstick.largest(Subject::Foliage(&leaves), 1.0, 50.0).unwrap();
     assert_eq!(near.crown, 50.0);
     let moved = swayed(&leaves, 0.2).unwrap();
-    let other = yardstick.largest(Subject::Foliage(&moved), 1.0, 540.0).unwrap().unwrap();
+    let other = yardstick.largest(Subject::Foliage(&moved), 1.0, 540.0).unwrap();
     assert!(!other.passes && other.crown == 10.0, "{other:?}");
     assert_eq!(yardstick.sides().collect::<Vec<_>>(), [128, 64, 32, 16]);
     assert!(yardstick.judge(Subject::Foliage(&leaves), LARGEST, 1.0).unwrap().is_none(), "no pictures of this size");
