@@ -30,6 +30,8 @@ HORIZON, SPACING, EYE = 50.0, 2.8, 0.6
 """Distance of the farthest trees, of neighbors, and height of the eye over the crowns' centers, in R."""
 VIEW = math.radians(50.0)
 """Vertical field of view."""
+ROWS = slice(150, 380)
+"""Rows of a picture with trees."""
 
 
 def places(seed: int = 5) -> Iterator[tuple[float, float, float]]:
@@ -96,7 +98,7 @@ def main() -> None:
             shown.append(picture(camera, baked.prepared.foliage.radius, Path(folder) / "forest.png"))
         for tree in trees:
             bpy.data.objects.remove(tree)
-    leafcloud.write_png(str(options.picture), np.vstack(shown))
+    options.picture.write_bytes(leafcloud.encode_png([np.vstack([each[ROWS] for each in shown])], colors=256))
 
 
 if __name__ == "__main__":

@@ -107,8 +107,8 @@ class LevelSettings:
     levels: Annotated[
         int,
         Setting(
-            "Number of billboard clouds. Simplified leaves and the impostor are extra. Each cloud has "
-            f"{leafcloud.EPSILON_STEP:g} times the error bound of the one before",
+            "Number of billboard clouds. Simplified leaves and the impostor are extra. With a set `epsilon` each cloud "
+            f"has {leafcloud.EPSILON_STEP:g} times the error bound of the one before",
             "COUNT",
             # The chain pruning alone has the core's 0 clouds.
             replace(_range("levels"), low=1),
@@ -119,8 +119,8 @@ class LevelSettings:
     every_level: Annotated[
         bool,
         Setting(
-            "Make every level. Otherwise a level is left out if it saves less than a tenth of the cost of drawing the "
-            "level before it, at the distance where it takes over"
+            "Make every level. Otherwise a level is left out if it saves less than a tenth (later clouds: half) of the "
+            "cost of drawing the level before it, or if it looks different from the leaves at every size"
         ),
     ] = False
     method: Annotated[
@@ -155,8 +155,8 @@ class LevelSettings:
             "which leaves fewer empty pixels; if it is too small for `epsilon`, the error bound grows",
             "COUNT",
             _range("triangles"),
-            unset="15 % of the tree's, 10 % if no leaf is cut out of a texture, between 500 and 3000; at most "
-            "three quarters of the leaves'; 3000 if level 1 is cheaper to draw only with them",
+            unset="a fifth of the tree's, between 500 and 4000; where `quality` does not choose the levels 15 %, or "
+            "10 % if no leaf is cut out of a texture, at most 3000; at most three quarters of the leaves'",
         ),
     ] = None
     max_billboards: Annotated[
@@ -368,7 +368,7 @@ class LevelSettings:
             "Larger switches sooner and draws faster",
             "PIXELS",
             _range("pixels"),
-            unset=f"where `quality` allows, and {_default('pixels'):g} at most",
+            unset="where `quality` allows",
         ),
     ] = None
     chain: Annotated[str, Setting("Order of the levels by distance", "NAME", choices=CHAINS)] = "billboards"
