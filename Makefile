@@ -112,8 +112,7 @@ fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly 
 .PHONY: docs
 docs: setup .venv/.test $(NODE_MODULES) ## remake the pictures of the documentation
 	@tools/prerequisites.sh chromium
-	.venv/bin/python bake.py --input "$(INPUT)" --out out/docs
-	cp out/docs/preview.png docs/pine.png
+	PYTHONPATH=$(CURDIR):$(CURDIR)/tests/support .venv/bin/python bench/plantation.py
 	.venv/bin/python tools/page_picture.py "$(INPUT)" docs/page.png
 	@mkdir -p docs/engines
 	.venv/bin/python tools/forest_picture.py "$(INPUT)" docs/engines/three_forest.png

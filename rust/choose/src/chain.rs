@@ -25,6 +25,9 @@ use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 /// Side of the largest pictures of leaves with their trunk: impostors take over where the crown is small.
 const LARGEST_OF_IMPOSTORS: usize = 64;
 
+/// Greatest excess with which a cloud takes over that passes nowhere, where it is closest to passing. The bake says so.
+const NEARLY: f64 = 2.0;
+
 /// Side of the largest pictures of a quick choice, and the largest diameter of a crown at which its levels take over.
 const LARGEST_OF_QUICK: usize = 128;
 const NEAREST_OF_QUICK: f64 = 250.0;
@@ -212,9 +215,11 @@ impl Tree<'_> {
             let shown = drawn(level, wishes)?;
             let passed =
                 yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
+            let nearly = !passed.passes && passed.judged.excess(wishes.q()).0 <= NEARLY;
+            let largest = if nearly { passed.judged.crown.min(most) } else { passed.crown };
             let crown = match wishes.crown(number) {
                 Some(crown) => crown,
-                None => self.cheaper_from(passed.crown, &shown, &before)?,
+                None => self.cheaper_from(largest, &shown, &before)?,
             };
             takes_over.push(Passed { crown, ..passed });
             before = shown;

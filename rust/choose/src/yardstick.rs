@@ -30,6 +30,9 @@ pub const OF_DRAFTS: usize = 128;
 /// Diameter of a crown in pixels that is too small to tell a tree from a dot.
 pub const UNJUDGED: f64 = 10.0;
 
+/// Largest diameter of a crown in pixels at which a level is reported, and may take over, that passes nowhere.
+const SMALLISH: f64 = 64.0;
+
 /// Number of views.
 pub const VIEWS: usize = 4;
 
@@ -160,7 +163,7 @@ impl Yardstick {
     /// # Errors
     /// Those of a render.
     pub fn largest(&self, level: Subject, q: f64, most: f64) -> Result<Passed> {
-        let mut above: Option<Judgement> = None;
+        let (mut above, mut nearly): (Option<Judgement>, Option<Judgement>) = (None, None);
         for side in self.sides() {
             let is_last = side / 2 < SMALLEST;
             if crown_pixels(side as f64) > 1.5 * most && !is_last {
@@ -176,8 +179,11 @@ impl Yardstick {
                 return Ok(Passed { crown: crown.min(most), judged, passes: true });
             }
             above = Some(judged);
+            if judged.crown <= SMALLISH && nearly.is_none_or(|known| excess < known.excess(q).0) {
+                nearly = above;
+            }
         }
-        Ok(Passed { crown: UNJUDGED, judged: above.unwrap_or_default(), passes: false })
+        Ok(Passed { crown: UNJUDGED, judged: nearly.unwrap_or_default(), passes: false })
     }
 }
 
@@ -186,7 +192,7 @@ impl Yardstick {
 pub struct Passed {
     /// Diameter of the crown in pixels.
     pub crown: f64,
-    /// The judgement in the pictures nearest to it.
+    /// The judgement in the pictures nearest to it. If the level does not pass: in the small pictures in which it is closest to passing.
     pub judged: Judgement,
     /// Whether it passes there.
     pub passes: bool,
