@@ -305,9 +305,8 @@ def test_files_have_the_leaves_own_colours(tmp_path: Path) -> None:
 def test_chains_bake_from_the_command_line(
     chain: str, methods: list[str], shrub: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
-    report = bake_file(
-        shrub, tmp_path, "--chain", chain, "--levels", 1, "--texture-size", 128, "--epsilon", 0.1, "--prune-pixels", 60
-    )
+    coarse = ("--levels", 1, "--texture-size", 128, "--epsilon", 0.1, "--pixels", 8)
+    report = bake_file(shrub, tmp_path, "--chain", chain, *coarse, "--prune-pixels", 60)
     assert [level["method"] for level in report["levels"]] == methods
     assert {effect["name"]: effect["on"] for effect in report["effects"]}["contrast"] is True
     assert report["warnings"] == []
