@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import leafcloud
+
 from . import canvas
 from .preview import LevelFigure, TreeFigures
 
@@ -138,7 +140,7 @@ def looks_table(names: Sequence[str], quality: Row) -> str:
         judged = level["judged"]
         rows.append([
             name, f"{level['size']:.1%} of the picture's height", f"{level['crown_pixels']:.0f}",
-            "yes" if level["passes"] else "too small to tell" if level["crown_pixels"] <= 10.0 else "no",
+            _verdict(level),
             f"{judged['by']}, {judged['excess']:.0%} of what is allowed", f"{judged['difference']:.2f}",
             f"{judged['places']:.2f}" if judged["places"] else "",
             " ".join(f"{each:.2f}" for each in judged["contrast"]),
@@ -147,13 +149,19 @@ def looks_table(names: Sequence[str], quality: Row) -> str:
     return _table(heads, rows, {0, 1, 3, 4})
 
 
+def _verdict(level: Row) -> str:
+    if level["passes"]:
+        return "yes"
+    return "too small to tell" if level["crown_pixels"] <= leafcloud.UNJUDGED_CROWN else "no"
+
+
 def _tried(tried: Sequence[Row]) -> str:
     """Return a sentence on the error bounds that were tried."""
     if not tried:
         return "<p>The error bound was given.</p>"
     said = [f"{each['epsilon']:.3f} R ({each['billboards']} billboards, {each['excess']:.0%})" for each in tried]
     return (
-        f"<p>Error bounds that were tried, with what they use of the allowed difference before there are textures: "
+        f"<p>Tried error bounds, with their share of the allowed difference, before textures: "
         f"{_escaped(', '.join(said))}. The last one was chosen.</p>"
     )
 

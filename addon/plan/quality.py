@@ -21,7 +21,7 @@ SMALLEST_CROWN = 7.8
 
 
 class Wishes(TypedDict, total=False):
-    """What quality decides, as options of `leafcloud.build_chain`."""
+    """Options of `leafcloud.build_chain` for the choice of levels by quality."""
 
     quality: float
     scene: float
@@ -37,7 +37,7 @@ def decides_distances(settings: BakeSettings) -> bool:
 
 
 def core_wishes(settings: BakeSettings, form: Form) -> Wishes:
-    """Return what quality decides; empty if it decides nothing. `form`: that level 1 may have."""
+    """Return the options for the choice by quality; empty if `pixels` decides. `form`: allowed forms of level 1."""
     if not decides_distances(settings):
         return {}
     return Wishes(

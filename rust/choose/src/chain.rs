@@ -1,4 +1,4 @@
-//! The chain for a scene: wishes and facts in, levels and reasons out.
+//! Builds the chain for a scene from the wishes and the tree, and tells the reason for each level.
 //!
 //! 1. Simplified leaves are level 1 where leaves have several triangles and the scene gets cheaper ([`crate::leaves`]).
 //! 2. Drafts find the ε that the quality allows ([`crate::clouds`]). Pages get the texels that the memory allows.
@@ -52,7 +52,7 @@ pub struct Wanted {
     pub settings: ChainSettings,
     /// A time, an error or a preset that decides the settings.
     pub wish: Option<Wish>,
-    /// What quality decides: where levels take over, and the settings that are free.
+    /// Settings for the choice by quality; `None` without it.
     pub wishes: Option<Wishes>,
     /// The form of the last level.
     pub last: Last,

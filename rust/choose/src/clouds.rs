@@ -1,4 +1,4 @@
-//! What clouds are built for: ε and size of each.
+//! ε and size of each cloud.
 //!
 //! How much a cloud differs, over the control, follows ε and hardly the size. So ε of the first cloud is the largest one that q allows, found with
 //! drafts ([`Drafts`]), which have no textures: one at the usual ε, and one or two that correct it. The first cloud then passes at any size for
@@ -133,7 +133,7 @@ pub fn steps(wishes: &Wishes, epsilon: f64, levels: usize) -> Vec<CloudStep> {
     steps
 }
 
-/// Returns what clouds with a given ε are built for: each has [`EPSILON_STEP`] times the ε of the one before, and the size at which it is expected to
+/// Returns ε and size of clouds whose first ε is given: each has [`EPSILON_STEP`] times the ε of the one before, and the size at which it is expected to
 /// pass.
 #[must_use]
 pub fn given_steps(wishes: &Wishes, epsilon: f64, levels: usize) -> Vec<CloudStep> {

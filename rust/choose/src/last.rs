@@ -75,7 +75,7 @@ pub fn check_last(last: Last, settings: &ChainSettings) -> Result<()> {
 /// Returns the octahedral impostor to draw instead of the chain's cross impostor, and where it takes over; `None` if the cross impostor is drawn, or
 /// if it is left out.
 ///
-/// `judge`: by what it is chosen; without it, [`Last::Auto`] keeps the cross impostor.
+/// `judge`: the yardstick and its limit. Without it, [`Last::Auto`] keeps the cross impostor.
 ///
 /// # Errors
 /// Those of [`check_last`]; [`Error::Cancelled`].
@@ -113,7 +113,7 @@ pub fn octahedral(
     Ok((last == Last::Octahedral || is_worth_it).then_some((built, Some(passed))))
 }
 
-/// By what an octahedral impostor is judged.
+/// The yardstick for an octahedral impostor, and its limit.
 pub struct Judge<'a> {
     /// Pictures of leaves and trunk.
     pub yardstick: &'a Yardstick,

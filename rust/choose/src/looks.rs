@@ -1,4 +1,4 @@
-//! How a picture of a level looks beside that of the leaves: the difference, the texture inside the crown, what it covers, and its color.
+//! Figures of a level's picture against the leaves' picture: difference, contrast inside the crown, coverage and mean color.
 
 use leafcloud::Image;
 use leafcloud_flip::flip;

@@ -1,4 +1,4 @@
-//! What is wished of a chain.
+//! The settings that quality decides by: allowed difference, scene, memory and sizes.
 
 use leafcloud::error::{Error, Result};
 use leafcloud::limits::{self, Limits};
@@ -30,7 +30,7 @@ pub const LATER_CROWN: f64 = NEAREST / 6.0;
 /// Quality from which choices are rough and made in a part of the time.
 const QUICK: f64 = 0.25;
 
-/// What is wished of a chain that quality decides.
+/// Settings of a chain whose levels quality chooses.
 #[derive(Clone, Debug)]
 pub struct Wishes {
     /// From 0 (fast) to 1 (exact).

@@ -1,6 +1,6 @@
 //! The yardstick: whether a level looks like its leaves, by what an equally good tree passes.
 //!
-//! FLIP asks whether each leaf is in its own place, and nobody who looks at a tree asks that. So a level is compared with the leaves, and its
+//! FLIP asks whether each leaf is in its own place. A viewer of a tree does not ask that. So a level is compared with the leaves, and its
 //! figures with those of a *control*: the same leaves as a light breeze has moved them ([`crate::sway`]). Without light and under a sun, it may
 //! have FLIP of q times the control's; contrast of the three finest octaves, coverage and mean color must be those of the leaves; and from
 //! [`CELLS_FROM`] pixels on the cells of the crown must be covered as in the control.
@@ -46,10 +46,10 @@ const SMALL: f64 = 40.0;
 /// Difference of the mean color.
 const COLOR: f64 = 0.01;
 
-/// Side of the smallest picture whose cells are compared.
+/// Least side of a picture in pixels for the comparison of cells.
 const CELLS_FROM: usize = 64;
 
-/// How a level looks in pictures of one size.
+/// Figures of a level in pictures of one size.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Judgement {
     /// Diameter of the crown in pixels.
@@ -82,7 +82,7 @@ impl Judgement {
     }
 }
 
-/// Something that is judged.
+/// A level for the yardstick.
 #[derive(Clone, Copy)]
 pub enum Subject<'a> {
     /// Triangles.
@@ -192,7 +192,7 @@ impl Yardstick {
 pub struct Passed {
     /// Diameter of the crown in pixels.
     pub crown: f64,
-    /// The judgement in the pictures nearest to it. If the level does not pass: in the small pictures in which it is closest to passing.
+    /// The judgement at the nearest judged size. For a level that does not pass: the judgement with the least excess at up to 64 pixels.
     pub judged: Judgement,
     /// Whether it passes there.
     pub passes: bool,

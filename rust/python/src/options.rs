@@ -191,7 +191,7 @@ impl<'py> Options<'py> {
         })
     }
 
-    /// Reads what each cloud is built for.
+    /// Reads ε and size of each cloud.
     fn steps(&self) -> PyResult<Vec<CloudStep>> {
         let pairs: Option<Vec<(f64, f64)>> = self.some("steps", "a list of (epsilon, crown_pixels)")?;
         let step = |(epsilon, crown_pixels)| CloudStep { epsilon, crown_pixels };
@@ -217,7 +217,7 @@ impl<'py> Options<'py> {
         }
     }
 
-    /// Reads what quality decides, if it decides. Call it before the options of the chain.
+    /// Reads the wishes; `None` without `quality`. Call it before the options of the chain.
     pub fn wishes(&self) -> PyResult<Option<Wishes>> {
         let default = Wishes::default();
         let quality: Option<f64> = self.some("quality", "a number or None")?;

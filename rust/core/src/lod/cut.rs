@@ -66,7 +66,7 @@ pub fn mip_of(pixels_per_texel: f64) -> usize {
 }
 
 impl CutOut<'_> {
-    /// Returns the page, its cutoff, and how much of the leaves it covers.
+    /// Returns the page, its cutoff, and its coverage of the leaves. The coverage is that before leaves that are too thin are widened.
     ///
     /// # Errors
     /// No billboard has an area.

@@ -385,7 +385,7 @@ impl Level {
         billboards(&self.atlas, &self.frame, self.page.material(self.alpha_cutoff, !self.two_sided))
     }
 
-    /// Returns the billboards as foliage that renderers draw which show alpha as a share: dithered, hashed, or as coverage.
+    /// Returns the billboards as foliage with fractional alpha, for renderers that dither or hash alpha or draw it as coverage.
     ///
     /// # Errors
     /// No billboard has an area.

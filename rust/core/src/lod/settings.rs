@@ -46,7 +46,7 @@ impl Default for ViewCounts {
     }
 }
 
-/// What a cloud is built for.
+/// ε of a cloud, and the size at which it takes over.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CloudStep {
     /// ε as a share of R.
@@ -63,7 +63,7 @@ pub struct ChainSettings {
     pub fit: FitSettings,
     /// Number of billboard clouds. With 0, the cross impostor is the only level.
     pub levels: usize,
-    /// What each cloud is built for, in place of the ε that grows by [`EPSILON_STEP`] and of `pixels`; empty for these.
+    /// ε and size of each cloud. Empty: ε grows by [`EPSILON_STEP`], and `pixels` sets the sizes.
     pub steps: Vec<CloudStep>,
     /// Adds the cross impostor as the last level.
     pub cross: bool,
