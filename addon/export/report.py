@@ -268,7 +268,8 @@ def _hidden_triangles(baked: Baked) -> int:
     triangles, growth = kept
     is_pruned = bool((growth != 1.0).any())
     first = baked.chain.levels[0]
-    whole = first.triangles if isinstance(first, leafcloud.LeafLevel) else baked.prepared.foliage.triangle_count
+    is_simplified = isinstance(first, leafcloud.LeafLevel) and first.kept is None
+    whole = first.triangles if is_simplified else baked.prepared.foliage.triangle_count
     return 0 if is_pruned else whole - len(triangles)
 
 

@@ -17,7 +17,7 @@ from ..plan.trunk_limits import trunk_limits
 from ..steps import Steps
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
-from .leaves import leaf_object, simplified_object
+from .leaves import later_leaf_object, leaf_object
 from .mesh import read_own_randoms
 from .octahedral import octahedral_object
 from .rollback import removed_on_failure
@@ -67,7 +67,7 @@ def _object(
 ) -> bpy.types.Object:
     """Create the object of level `number`. `following`: the next level, None after the last."""
     if isinstance(level, leafcloud.LeafLevel):
-        return simplified_object(level, build)
+        return later_leaf_object(level, number, build)
     if isinstance(level, leafcloud.OctahedralLevel):
         return octahedral_object(level, number, build)
     return cloud_object(level, None if isinstance(following, NO_CLOUDS) else following, number, build)
@@ -97,9 +97,9 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
         return [first, *(first for _ in near), *impostors]
     with costs.spent_on("trunk_levels"):
         whole_tree = len(tree.leaves.triangles) + len(tree.trunk.triangles)
-        leaf_levels = int(build.leaf_level is not None)
+        leaf_levels = len(build.leaf_levels)
         limits = trunk_limits(triangles[leaf_levels : len(near)], whole_tree, build.schedule.triangles)
-        # Before simplified leaves only the picture limits the trunk.
+        # Beside leaves only the picture limits the trunk.
         limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
         views = [TrunkView(*view) for view in zip(near, pixels, limits, strict=False)]
         coarser = simplified(first, unrolled(tree.trunk), tree.matrix, views)

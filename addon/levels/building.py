@@ -79,15 +79,14 @@ class Build:
     owners: tuple[int, ...] = ()
 
     @property
-    def leaf_level(self) -> leafcloud.LeafLevel | None:
-        """Level 1 if it is simplified leaves, else None."""
-        first = self.chain.levels[0]
-        return first if isinstance(first, leafcloud.LeafLevel) else None
+    def leaf_levels(self) -> list[leafcloud.LeafLevel]:
+        """The first levels if they are leaves: simplified ones, then fewer ones."""
+        return [level for level in self.chain.levels if isinstance(level, leafcloud.LeafLevel)]
 
     @property
     def first_cloud(self) -> int:
         """Number of the first level with an atlas page."""
-        return 1 if self.leaf_level is None else 2
+        return 1 + len(self.leaf_levels)
 
     def has(self, effect: str) -> bool:
         """Return whether the effect is on."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +24,12 @@ class LeafMoves:
 
 
 def moves_to_leaves(level: leafcloud.LeafLevel, pivots: NDArray[np.float64]) -> LeafMoves:
-    """Return the moves of leaves with `pivots` (t, 3) onto their simplified leaves. They are on no billboard."""
+    """Return the moves of leaves with `pivots` (t, 3) onto the leaves of `level`. They are on no billboard."""
     return LeafMoves(np.full(len(pivots), NO_BILLBOARD, np.int32), level.targets, pivots)
 
 
-def leaf_moves(
-    chain: leafcloud.Chain, corners: NDArray[np.floating[Any]], chain_pivots: NDArray[np.float64]
-) -> LeafMoves:
-    """Return the moves of leaves with `corners` (t, 3, 3) and pivots (t, 3) onto the chain's first cloud.
+def leaf_moves(chain: leafcloud.Chain, chain_pivots: NDArray[np.float64]) -> LeafMoves:
+    """Return the moves of the leaves that the first cloud is made of onto it. `chain_pivots` (t, 3): of their triangles.
 
     Targets are for leaves at their size at rest. The node group grows the leaves about their pivots, and then they
     coincide with the cloud. Leaves without a billboard shrink into their pivots.
@@ -43,11 +40,24 @@ def leaf_moves(
     if chain.kept is None:
         return LeafMoves(parents, level.targets, level.pivot_targets)
     kept, growth = chain.kept
-    billboards = np.full(len(corners), NO_BILLBOARD, np.int32)
+    billboards = np.full(len(chain_pivots), NO_BILLBOARD, np.int32)
     pivot_targets = chain_pivots.copy()
-    targets = np.broadcast_to(pivot_targets[:, None], corners.shape).copy()
+    targets = np.repeat(pivot_targets[:, None], 3, axis=1)
     pivots = level.pivot_targets[:, None]
     billboards[kept] = parents
     targets[kept] = pivots + (level.targets - pivots) / growth[:, None, None]
     pivot_targets[kept] = level.pivot_targets
     return LeafMoves(billboards, targets, pivot_targets)
+
+
+def moves_of_fewer(chain: leafcloud.Chain, level: leafcloud.LeafLevel, chain_pivots: NDArray[np.float64]) -> LeafMoves:
+    """Return the moves of a level of fewer leaves onto the first cloud. They stay as large as they are.
+
+    `chain_pivots` (t, 3): of the triangles that the first cloud is made of.
+    """
+    assert level.kept is not None
+    kept, growth = level.kept
+    whole = leaf_moves(chain, chain_pivots)
+    pivots = whole.pivot_targets[kept]
+    targets = pivots[:, None] + (whole.targets[kept] - pivots[:, None]) * growth[:, None, None]
+    return LeafMoves(whole.billboards[kept], targets, pivots)

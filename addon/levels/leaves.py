@@ -1,4 +1,4 @@
-"""Levels made of leaves: LOD 0, the tree's own leaves in the order of pruning, and level 1 as simplified leaves."""
+"""Levels made of leaves: LOD 0, the tree's own leaves in the order of pruning, then simplified and fewer leaves."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import leafcloud
 from ..geometry import Geometry
 from .baked_light import add_light
 from .building import Build
-from .leaf_moves import LeafMoves, leaf_moves, moves_to_leaves
+from .leaf_moves import LeafMoves, leaf_moves, moves_of_fewer, moves_to_leaves
 from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
 from .shape import Shape, object_of, pruning_of, transition_of
@@ -24,13 +24,8 @@ from .wind import leaf_wind_attributes
 
 def leaf_object(build: Build) -> bpy.types.Object:
     """Create the object of LOD 0."""
-    geometry, level = build.tree.leaves, build.leaf_level
-    pivots, moves = build.chain.pivots, None
-    if build.has("transitions"):
-        if level is not None:
-            moves = moves_to_leaves(level, pivots)
-        elif build.chain.clouds[0].cloud is not None:
-            moves = leaf_moves(build.chain, geometry.positions[geometry.triangles], pivots)
+    geometry, pivots = build.tree.leaves, build.chain.pivots
+    moves = _moves(0, pivots, build)
     shape, schedule = _shape(geometry, build.foliage.leaf_ids, pivots, moves, build), build.schedule
     if build.light is not None:
         shape = replace(shape, light=build.light.at(_order(geometry, build.foliage.leaf_ids, build)))
@@ -48,22 +43,38 @@ def leaf_object(build: Build) -> bpy.types.Object:
     return object_of(mesh, shape, extras, schedule.lod_ranges[0], build)
 
 
-def simplified_object(level: leafcloud.LeafLevel, build: Build) -> bpy.types.Object:
-    """Create the object of level 1 as simplified leaves. They have the materials of the tree's own leaves."""
+def later_leaf_object(level: leafcloud.LeafLevel, number: int, build: Build) -> bpy.types.Object:
+    """Create the object of a later level of leaves. They have the materials of the tree's own leaves."""
     own = level.corners[:, 0] // 3
     leaf_ids, pivots = build.foliage.leaf_ids[own], build.chain.pivots[own]
     geometry = _placed(build.tree.leaves, level, leaf_ids)
-    moves = None
-    if build.has("transitions") and build.chain.clouds[0].cloud is not None:
-        moves = leaf_moves(build.chain, level.positions, pivots)
-    shape = _shape(geometry, leaf_ids, pivots, moves, build)
-    mesh = create_mesh(f"{build.name}_LOD1", shape.surface, geometry.materials, layer_names(geometry.materials))
+    shape = _shape(geometry, leaf_ids, pivots, _moves(number, pivots, build), build)
+    name = f"{build.name}_LOD{number}"
+    mesh = create_mesh(name, shape.surface, geometry.materials, layer_names(geometry.materials))
     extras = {
-        "level": 1,
-        "switch_distance": build.schedule.switch_distances[1],
+        "level": number,
+        "switch_distance": build.schedule.switch_distances[number],
         "max_deviation": level.max_deviation_leaves,
     }
-    return object_of(mesh, shape, extras, build.schedule.lod_ranges[1], build)
+    return object_of(mesh, shape, extras, build.schedule.lod_ranges[number], build)
+
+
+def _moves(number: int, pivots: NDArray[np.float64], build: Build) -> LeafMoves | None:
+    """Return the moves of level `number`, of leaves, to the level after it; None if nothing morphs.
+
+    `pivots` (t, 3): of its triangles.
+    """
+    levels, chain = build.leaf_levels, build.chain
+    if not build.has("transitions"):
+        return None
+    if number < len(levels):
+        return moves_to_leaves(levels[number], pivots)
+    if chain.clouds[0].cloud is None:
+        return None
+    if not levels or levels[-1].kept is None:
+        return leaf_moves(chain, pivots)
+    simplified = levels[0].kept is None
+    return moves_of_fewer(chain, levels[-1], chain.pivots[levels[0].corners[:, 0] // 3] if simplified else chain.pivots)
 
 
 def _placed(leaves: Geometry, level: leafcloud.LeafLevel, leaf_ids: NDArray[np.integer[Any]]) -> Geometry:

@@ -109,11 +109,17 @@ def _find_views(tree: bpy.types.NodeTree) -> None:
     right = section.math("GREATER_THAN", x, y, label="Right of the diagonal?")
     up = section.math("SUBTRACT", 1.0, right)
     steps = ((0.0, 0.0), (right, up), (1.0, 1.0))
-    weights = (
-        section.math("SUBTRACT", 1.0, section.math("MAXIMUM", x, y)),
-        section.math("ABSOLUTE", section.math("SUBTRACT", x, y)),
-        section.math("MINIMUM", x, y),
-    )
+    # Squares of barycentric weights: less of the leaves' texture is lost in the blend.
+    near = [
+        section.math("POWER", share, 2.0)
+        for share in (
+            section.math("SUBTRACT", 1.0, section.math("MAXIMUM", x, y)),
+            section.math("ABSOLUTE", section.math("SUBTRACT", x, y)),
+            section.math("MINIMUM", x, y),
+        )
+    ]
+    squares = section.math("ADD", section.math("ADD", near[0], near[1]), near[2], label="Sum of squares")
+    weights = [section.math("DIVIDE", square, squares) for square in near]
     found: list[Socket] = []
     for step, weight in zip(steps, weights, strict=True):
         moved = [section.math("ADD", cell, part) for cell, part in zip(cells, step, strict=True)]

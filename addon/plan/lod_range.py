@@ -26,7 +26,8 @@ class HandOverKind(Enum):
     FADE = auto()
     """Impostors show the trunk, so nothing morphs to them."""
     MORPH = auto()
-    """Simplified leaves are the leaves at the end of their morph. If both were drawn, they would shade each other."""
+    """Simplified and fewer leaves are the leaves at the end of their morph. If both were drawn, they would shade each
+    other."""
     MORPH_AND_FADE = auto()
     """Clouds differ from the leaves that lie on them by their light and the edges of their alpha."""
 

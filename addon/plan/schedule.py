@@ -111,8 +111,8 @@ def _drawn(
     if seen is None or camera is None:
         return range(1)
     first, last = (level_at(away, ranges) for away in (camera.nearest, camera.farthest))
-    # The plan does not know of a leaf level before the clouds.
-    clouds_after = int(levels[0].method == "simplified")
+    # The plan does not know of leaf levels before the clouds.
+    clouds_after = sum(isinstance(level, leafcloud.LeafLevel) for level in levels)
     return range(min(first, seen.first), min(last, seen.last + clouds_after) + 1)
 
 

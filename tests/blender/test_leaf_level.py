@@ -200,3 +200,50 @@ def test_cards_have_billboards_unless_leaves_are_asked_for() -> None:
 def test_leaves_are_judged_by_quality_alone(other: dict[str, Any]) -> None:
     with pytest.raises(SettingsError, match="`form=leaves` needs `quality`"):
         BakeSettings(form="leaves", **other)
+
+
+def needles(count: int = 2000) -> bpy.types.Object:
+    """Add thin quads at random places in a ball of radius 1: no cloud looks like them."""
+    rng = np.random.default_rng(3)
+    vertices: list[tuple[float, float, float]] = []
+    for _ in range(count):
+        away, along, side = rng.normal(size=(3, 3))
+        place = away / np.linalg.norm(away) * rng.uniform() ** (1 / 3)
+        along *= 0.1 / np.linalg.norm(along)
+        side = np.cross(along, side)
+        side *= 0.004 / np.linalg.norm(side)
+        vertices += [tuple((place + a * along + b * side).tolist()) for a, b in ((0, -1), (1, -1), (1, 1), (0, 1))]
+    return add_mesh("needles", vertices, [(i, i + 1, i + 2, i + 3) for i in range(0, 4 * count, 4)])
+
+
+def test_fewer_and_larger_leaves_come_before_a_late_cloud() -> None:
+    sparse = baked(needles(), quality=0.26)
+    levels = [level for level in sparse.chain.levels if level.method == "fewer"]
+    assert len(levels) > 0
+    for before, built in zip(sparse.levels, sparse.levels[1 : len(levels) + 1], strict=False):
+        faces, finer = built.object.data.polygons, before.object.data.polygons
+        assert len(faces) == pytest.approx(0.5 * len(finer), rel=0.01)
+        assert sum(face.area for face in faces) == pytest.approx(sum(face.area for face in finer), rel=0.3)
+        assert list(built.object.data.materials) == list(before.object.data.materials)
+
+
+def test_leaves_morph_onto_fewer_leaves_and_these_onto_the_cloud() -> None:
+    sparse = baked(needles(), quality=0.26)
+    count = sum(level.method == "fewer" for level in sparse.chain.levels)
+    for before, built in zip(sparse.levels[:count], sparse.levels[1:], strict=False):
+        obj = before.object
+        set_manual(obj.modifiers[0], transition=1.0, keep=1.0)
+        mesh, surface = evaluate(obj), tree_of(built.object)
+        moved = points_of(mesh)
+        there = [face for face in mesh.polygons if face.area > 1e-9]
+        assert len(there) == pytest.approx(0.5 * len(mesh.polygons), rel=0.02)
+        corners = {vertex for face in there for vertex in face.vertices}
+        assert max(surface.find_nearest(moved[vertex].tolist())[3] for vertex in corners) < 1e-5
+    last, cloud = sparse.levels[count].object, sparse.chain.clouds[0].cloud
+    assert cloud is not None
+    numbers = np.empty(len(last.data.vertices), np.int32)
+    last.data.attributes["leaf_billboard"].data.foreach_get("value", numbers)
+    targets, on = places(last.data, "leaf_target"), numbers >= 0
+    assert on.mean() > 0.9
+    heights = np.einsum("vd,vd->v", targets[on], cloud.planes[numbers[on], :3]) - cloud.planes[numbers[on], 3]
+    assert np.abs(heights).max() < 1e-3 * sparse.prepared.foliage.radius

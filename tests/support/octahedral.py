@@ -80,11 +80,9 @@ def _views(eyes: Floats, grid: int) -> list[tuple[Floats, Floats]]:
     cell = np.clip(np.floor(place), 0, grid - 2)
     x, y = np.clip(place - cell, 0.0, 1.0).T
     across = np.where((x > y)[:, None], [1.0, 0.0], [0.0, 1.0])
-    return [
-        (cell, 1.0 - np.maximum(x, y)),
-        (cell + across, np.abs(x - y)),
-        (cell + 1.0, np.minimum(x, y)),
-    ]
+    squares = np.square([1.0 - np.maximum(x, y), np.abs(x - y), np.minimum(x, y)])
+    weights = squares / squares.sum(axis=0)
+    return [(cell, weights[0]), (cell + across, weights[1]), (cell + 1.0, weights[2])]
 
 
 def _of_view(impostor: Impostor, tiles: Floats, points: Floats, rays: Floats) -> tuple[Floats, Floats, Floats]:

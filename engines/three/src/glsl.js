@@ -295,7 +295,10 @@ LcViews lc_views(vec3 eye, float grid) {
     views.tiles[1] = cell + vec2(right, 1.0 - right);
     views.tiles[2] = cell + 1.0;
     float least = min(within.x, within.y);
-    views.weights = vec3(1.0 - max(within.x, within.y), abs(within.x - within.y), least);
+    // Squares of barycentric weights: less of the leaves' texture is lost in the blend.
+    vec3 near = vec3(1.0 - max(within.x, within.y), abs(within.x - within.y), least);
+    near *= near;
+    views.weights = near / (near.x + near.y + near.z);
     return views;
 }
 

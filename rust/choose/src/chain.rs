@@ -4,7 +4,8 @@
 //! 2. Drafts find the ε that the quality allows ([`crate::clouds`]). Pages get the texels that the memory allows.
 //! 3. The clouds are built, each for a size. One that does not save half of the cost of the level before is left out.
 //! 4. The yardstick tells the largest size at which each level passes, with the page that files hold. It takes over there.
-//! 5. The octahedral impostor follows where it passes ([`crate::last`]).
+//! 5. Fewer leaves fill the gap before the first cloud ([`crate::fewer`]).
+//! 6. The octahedral impostor follows where it passes ([`crate::last`]).
 //!
 //! The choice depends on FLIP, whose last digits differ between machines. Figures are rounded where ε follows from them.
 
@@ -17,6 +18,7 @@ use leafcloud::{Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
+use crate::fewer::Whole;
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
 use crate::wishes::{LARGEST_CROWN, LATER_CROWN, Wishes};
@@ -39,11 +41,14 @@ const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
 const SHARE_OF_CHOICE: f64 = 0.3;
 const SHARE_OF_CLOUDS: f64 = 0.85;
 
+/// Most levels after the leaves.
+const MOST_LEVELS: usize = 5;
+
 /// Diameter of the crown in pixels where a level takes over at the latest.
 const LEAST_CROWN: f64 = 16.0;
 
 /// Fragments that a level may draw over the leaves', for crowns of at least [`FEW_PIXELS`]. Triangles cost more than fragments in smaller ones.
-const MOST_FRAGMENTS: f64 = 1.05;
+const MOST_FRAGMENTS: f64 = 1.25;
 const FEW_PIXELS: f64 = 100.0;
 
 /// A chain that is wanted.
@@ -65,8 +70,8 @@ pub struct Chosen {
     pub chain: Arc<Chain>,
     /// The settings chosen for a time, an error or a preset.
     pub offer: Option<Offer>,
-    /// Simplified leaves before the clouds.
-    pub leaf_level: Option<Arc<LeafLevel>>,
+    /// Simplified leaves and fewer leaves before the clouds.
+    pub leaf_levels: Vec<Arc<LeafLevel>>,
     /// The octahedral impostor, drawn in place of the cross impostor.
     pub octahedral: Option<Arc<Octahedral>>,
     /// Where each level takes over, in the order of distances; empty if quality does not decide.
@@ -132,7 +137,7 @@ fn built(
     Ok(Chosen {
         chain: Arc::new(chain),
         offer,
-        leaf_level: None,
+        leaf_levels: Vec::new(),
         octahedral: None,
         takes_over: Vec::new(),
         plain: None,
@@ -166,7 +171,7 @@ fn for_scene(
     Ok(Chosen {
         chain: Arc::new(chain),
         offer: None,
-        leaf_level: leaf_level.map(Arc::new),
+        leaf_levels: leaf_level.map(Arc::new).into_iter().collect(),
         octahedral: None,
         takes_over: Vec::new(),
         plain: None,
@@ -205,9 +210,9 @@ struct Tree<'a> {
 impl Tree<'_> {
     /// Finds where leaves and clouds take over.
     fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick) -> Result<Chosen> {
-        let mut takes_over: Vec<Passed> = chosen.leaf_level.iter().map(|level| level.passed).collect();
-        let mut before =
-            chosen.leaf_level.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
+        let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
+        let simplified = chosen.leaf_levels.first().map(Arc::clone);
+        let mut before = simplified.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
         for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
             let nearest = if wishes.is_quick() { NEAREST_OF_QUICK } else { LARGEST_CROWN };
             let most = takes_over.last().map_or(nearest, |finer| finer.crown / LEAST_STEP);
@@ -224,7 +229,16 @@ impl Tree<'_> {
             takes_over.push(Passed { crown, ..passed });
             before = shown;
         }
-        Ok(without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level))
+        let mut chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level);
+        let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref(), chain: &chosen.chain };
+        let first_cloud = chosen.takes_over.get(chosen.leaf_levels.len()).map_or(0.0, |passed| passed.crown);
+        let room = MOST_LEVELS.saturating_sub(chosen.takes_over.len() + 1);
+        let fewer = whole.fewer(first_cloud, wishes, yardstick, self.settings)?;
+        for level in fewer.into_iter().take(room) {
+            chosen.takes_over.insert(chosen.leaf_levels.len(), level.passed);
+            chosen.leaf_levels.push(Arc::new(level));
+        }
+        Ok(chosen)
     }
 
     /// Returns the largest diameter of the crown in pixels, up to `crown`, at which a level is cheaper to draw than the level before it, and, where
@@ -253,7 +267,7 @@ impl Tree<'_> {
             return Ok(chosen);
         }
         let before = chosen.chain.levels.iter().rev().nth(1).map(Level::foliage).transpose()?;
-        let simpler = chosen.leaf_level.as_ref().map(|level| &level.leaves);
+        let simpler = chosen.leaf_levels.first().filter(|level| level.kept.is_none()).map(|level| &level.leaves);
         let parts: Vec<&Foliage> = std::iter::once(self.foliage).chain(self.trunk).collect();
         let before_crown = chosen.takes_over.last().map_or(f64::INFINITY, |passed| passed.crown);
         let of_leaves = simpler.map_or(self.foliage, |simpler| &simpler.foliage);

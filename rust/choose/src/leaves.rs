@@ -8,6 +8,7 @@ use std::time::Instant;
 use leafcloud::error::Result;
 use leafcloud::lod::{ChainSettings, LEAST_SAVING, Origin, report_pictures};
 use leafcloud::metrics::Comparison;
+use leafcloud::prune::Kept;
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_simplify::{SimplifiedLeaves, simplified_leaves};
 
@@ -32,10 +33,10 @@ pub enum Form {
     Leaves,
 }
 
-/// Level 1 as simplified leaves.
+/// A level of leaves: simplified ones, or fewer and larger ones.
 #[derive(Clone, Debug)]
 pub struct LeafLevel {
-    /// The leaves.
+    /// The leaves. Their targets are for the corners of the level before.
     pub leaves: SimplifiedLeaves,
     /// Where they may take over.
     pub passed: Passed,
@@ -43,6 +44,8 @@ pub struct LeafLevel {
     pub pictures: Comparison,
     /// Seconds for finding them.
     pub seconds: f64,
+    /// The triangles of the simplified leaves, or of the tree's own without these, that fewer leaves keep; `None` for simplified leaves.
+    pub kept: Option<Kept>,
 }
 
 impl LeafLevel {
@@ -101,5 +104,5 @@ pub fn leaf_level(
         };
     };
     let pictures = report_pictures(foliage, &leaves.foliage, settings)?;
-    Ok(Some(LeafLevel { leaves, passed, pictures, seconds: started.elapsed().as_secs_f64() }))
+    Ok(Some(LeafLevel { leaves, passed, pictures, seconds: started.elapsed().as_secs_f64(), kept: None }))
 }

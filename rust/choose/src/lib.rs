@@ -6,6 +6,7 @@
 
 mod chain;
 mod clouds;
+mod fewer;
 mod last;
 mod leaves;
 pub mod looks;

@@ -105,3 +105,27 @@ fn wishes_out_of_range_are_refused() {
     let refused = built(&crown(20), ChainSettings::default(), Some(wishes), Last::Cross).err().unwrap().to_string();
     assert!(refused.starts_with("`quality` is NaN"), "{refused}");
 }
+
+#[test]
+fn fewer_leaves_fill_the_gap_before_a_late_cloud() {
+    let foliage = crown_of(3000, 0.012);
+    let found = chosen(&foliage, Wishes { quality: 0.26, ..small() });
+    let levels: Vec<_> = found.leaf_levels.iter().filter(|level| level.kept.is_some()).collect();
+    let sizes = sizes(&found);
+    assert!(!levels.is_empty() && sizes.windows(2).all(|pair| pair[0] >= 1.25 * pair[1]), "{sizes:?}");
+    let mut before: Vec<u32> = (0..foliage.triangle_count() as u32).collect();
+    for level in levels {
+        let kept = &level.kept.as_ref().unwrap().triangles;
+        assert!(level.passed.passes && kept.len() * 2 <= before.len() && kept.iter().all(|t| before.contains(t)));
+        assert_eq!(level.leaves.targets.len(), before.len());
+        let mut places = level.leaves.places.iter();
+        for (triangle, target) in before.iter().zip(&level.leaves.targets) {
+            if kept.contains(triangle) {
+                assert_eq!(target, places.next().unwrap(), "a kept leaf grows");
+            } else {
+                assert!(target.iter().all(|p| *p == target[0]), "others shrink into a point");
+            }
+        }
+        before.clone_from(kept);
+    }
+}

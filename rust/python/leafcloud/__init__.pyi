@@ -414,28 +414,34 @@ class Level:
         """Return the billboards as foliage of the same tree."""
 
 class LeafLevel:
-    """Level 1 as simplified leaves with the materials of the tree's own. It has no page and no cloud."""
+    """A level of leaves with the materials of the tree's own: simplified ones, or fewer and larger ones. It has no page
+    and no cloud."""
     @property
     def cloud(self) -> None: ...
     @property
     def method(self) -> str:
-        """The string "simplified"."""
+        """"simplified" or "fewer"."""
+    @property
+    def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
+        """For fewer leaves: the triangles (s,) that are kept of the simplified leaves, or of the tree's own without
+        these, and the growth (s,) of each about its leaf's pivot. None for simplified leaves."""
     @property
     def corners(self) -> NDArray[np.uint32]:
-        """(s, 3) triangles made of corners of the leaves, counted through all triangles: corner c is corner c mod 3 of
-        triangle c // 3. Their attributes are those of the corners. All leaves are there, in the same order."""
+        """(s, 3) triangles made of corners of the tree's leaves, counted through all triangles: corner c is corner
+        c mod 3 of triangle c // 3. Their attributes are those of the corners. Leaves are in the same order."""
     @property
     def positions(self) -> NDArray[np.float64]:
-        """(s, 3, 3) positions of the corners. Simplified leaves grow about their pivots to keep their area."""
+        """(s, 3, 3) positions of the corners. Leaves grow about their pivots to keep their area."""
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(t, 3, 3) position of each corner of the leaves at a = 1: a point of its simplified leaf."""
+        """(t, 3, 3) position of each corner of the level before at a = 1: a point of its leaf, or the pivot of a leaf that
+        is gone."""
     @property
     def triangles(self) -> int:
         """Number of triangles."""
     @property
     def max_deviation_leaves(self) -> float:
-        """Maximum distance of a corner of the leaves from its target, fraction of R."""
+        """Maximum distance of a corner from its target, fraction of R."""
     @property
     def texel_size(self) -> float:
         """0: the level has no page."""

@@ -1,4 +1,4 @@
-//! `LeafLevel`: level 1 as simplified leaves, in the tree's own coordinates.
+//! `LeafLevel`: a level of leaves, in the tree's own coordinates.
 
 use std::sync::Arc;
 
@@ -14,6 +14,7 @@ use crate::arrays::{self, point_groups};
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
 use crate::image_errors::{Pair, PyImageErrors, from_the_side, measured, reported};
+use crate::levels::{KeptArrays, kept_arrays};
 use crate::work::interruptible;
 
 #[pyclass(name = "LeafLevel", module = "leafcloud", frozen)]
@@ -39,9 +40,14 @@ impl PyLeafLevel {
         None
     }
 
-    #[classattr]
-    fn method() -> &'static str {
-        "simplified"
+    #[getter]
+    fn method(&self) -> &'static str {
+        if self.level.kept.is_none() { "simplified" } else { "fewer" }
+    }
+
+    #[getter]
+    fn kept<'py>(&self, py: Python<'py>) -> Option<KeptArrays<'py>> {
+        self.level.kept.as_ref().map(|kept| kept_arrays(py, kept))
     }
 
     #[getter]

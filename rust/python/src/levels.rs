@@ -5,6 +5,7 @@ use std::sync::Arc;
 use leafcloud::atlas::Billboard;
 use leafcloud::geometry::Frame;
 use leafcloud::lod::{Chain, LeftOut, Level, share_page};
+use leafcloud::prune::Kept;
 use leafcloud::{Error, Foliage};
 use leafcloud_choose::{Chosen, LeafLevel, TriedEpsilon};
 use leafcloud_curve::Stages;
@@ -26,7 +27,7 @@ use crate::work::{guard, interruptible};
 use crate::yardstick::passed_dict;
 
 /// Indices of kept triangles and their growth factors.
-type KeptArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
+pub type KeptArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray1<f64>>);
 
 #[pyclass(name = "Chain", module = "leafcloud", frozen)]
 pub struct PyChain {
@@ -50,16 +51,16 @@ impl PyChain {
 
     #[getter]
     fn seconds(&self) -> f64 {
-        let Chosen { chain, leaf_level, octahedral, .. } = &self.chosen;
-        let leaves = leaf_level.as_ref().map_or(0.0, |own| own.seconds);
+        let Chosen { chain, leaf_levels, octahedral, .. } = &self.chosen;
+        let leaves: f64 = leaf_levels.iter().map(|own| own.seconds).sum();
         Stages::of(chain).total() + leaves + octahedral.as_ref().map_or(0.0, |own| own.seconds)
     }
 
     #[getter]
     fn levels(&self, py: Python<'_>) -> PyResult<Vec<Py<PyAny>>> {
-        let Chosen { leaf_level, octahedral, .. } = &self.chosen;
+        let Chosen { leaf_levels, octahedral, .. } = &self.chosen;
         let simplified = |level: &Arc<LeafLevel>| PyLeafLevel { level: Arc::clone(level), frame: self.frame };
-        let own = leaf_level.iter().map(|level| Ok(Py::new(py, simplified(level))?.into_any()));
+        let own = leaf_levels.iter().map(|level| Ok(Py::new(py, simplified(level))?.into_any()));
         let mut clouds = self.clouds();
         let last = octahedral
             .as_ref()
@@ -146,9 +147,12 @@ impl PyChain {
 
     #[getter]
     fn kept<'py>(&self, py: Python<'py>) -> Option<KeptArrays<'py>> {
-        let kept = self.chain().kept.as_ref()?;
-        Some((kept.triangles.clone().into_pyarray(py), kept.growth.clone().into_pyarray(py)))
+        self.chain().kept.as_ref().map(|kept| kept_arrays(py, kept))
     }
+}
+
+pub fn kept_arrays<'py>(py: Python<'py>, kept: &Kept) -> KeptArrays<'py> {
+    (kept.triangles.clone().into_pyarray(py), kept.growth.clone().into_pyarray(py))
 }
 
 /// Puts the levels of several chains with the same number on one page. Chains may have different numbers of levels.

@@ -32,7 +32,7 @@ const TRUNK_SHARE: f64 = 0.25;
 
 /// Returns budgets of triangles for the leaves of level 1: the usual share, and the most that a level may have, if the level is not worth
 /// making with its share. A small tree's level 1 may be cheaper with more. Each is the tree's budget without the trunk's share. A wish is the
-/// only one.
+/// only one. `leaves`: the tree's own.
 pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Foliage>) -> Vec<usize> {
     let trunk = trunk.map_or(0, Foliage::triangle_count);
     let without_trunk = |all: usize| all - trunk.min((TRUNK_SHARE * all as f64) as usize);

@@ -197,7 +197,7 @@ pub fn build_chain_of(
             references: &references,
         };
         let budgets = made.levels.last().map_or_else(
-            || budget::of_first(settings, origin.finest, trunk.as_ref()),
+            || budget::of_first(settings, whole, trunk.as_ref()),
             |finer| vec![budget::of_next(settings, finer.atlas.triangles())],
         );
         let found = 1.0 - settings.refine.share();

@@ -57,9 +57,8 @@ pub fn projected(eye: DVec3, layout: &Layout) -> [Projected; 3] {
     })
 }
 
-/// Light over the visible share of the sky: a leaf on the hull sees half of the sky, and gets all of its light; the sun reaches half of such
-/// leaves.
-const OPEN: f32 = 1.5;
+/// Light over the stored openness.
+pub(super) const OPEN: f32 = 1.5;
 
 /// Where a view shows a ray: between four texels of its picture.
 #[derive(Clone, Copy)]

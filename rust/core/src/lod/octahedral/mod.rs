@@ -13,6 +13,7 @@ mod cost;
 pub mod draw;
 pub mod mapping;
 mod pages;
+mod sharpen;
 
 use std::time::Instant;
 
@@ -168,7 +169,7 @@ impl Octahedral {
         let rendered: Vec<&Foliage> = std::iter::once(simpler.unwrap_or(parts[0])).chain(parts[1..].to_vec()).collect();
         let triangles = pages::placed(&rendered, &layout.axes, layout.centre);
         let bend = settings.channels.normal.unwrap_or(0.0);
-        let openness = pages::Openness::of(&rendered, parts[0].frame());
+        let openness = pages::Openness::of(&rendered, parts[0].frame(), layout.axes.z_axis);
         let (color, normal_depth) = pages::render(&triangles, &layout, bend, &openness, progress.part(0.0, 0.8))?;
         let tuning = || progress.tell("tune", 0.8);
         tuning()?;

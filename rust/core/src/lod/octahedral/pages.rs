@@ -3,7 +3,9 @@
 use glam::{DMat3, DVec2, DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
+use super::draw::OPEN;
 use super::mapping::{axes, from_grid};
+use super::sharpen::sharpen;
 use super::{Layout, Size};
 use crate::color::quantise;
 use crate::error::Result;
@@ -11,22 +13,26 @@ use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::progress::Progress;
 use crate::textures::{
-    Canvas, Channel, Samples, ScreenTriangle, Seen, Shader, Sky, Window, fill_transparent, rasterise_timed,
+    Canvas, Channel, Outlook, Samples, ScreenTriangle, Seen, Shader, Sky, Window, fill_transparent, rasterise_timed,
 };
 
-/// The share of the sky that each triangle sees from its middle.
+/// The share of the light from above that each triangle gets in its middle. Suns are above, so leaves on top of a crown are lit, and its sides
+/// shade themselves: each direction of the sky counts by its height above the horizon.
 pub(super) struct Openness<'a> {
     parts: &'a [&'a Foliage],
     shares: Vec<Vec<f32>>,
 }
 
 impl<'a> Openness<'a> {
-    /// Measures the parts of a tree. `frame`: of the leaves.
-    pub fn of(parts: &'a [&'a Foliage], frame: &Frame) -> Self {
+    /// Measures the parts of a tree. `frame`: of the leaves. `up`: of length 1, in the caller's axes.
+    pub fn of(parts: &'a [&'a Foliage], frame: &Frame, up: DVec3) -> Self {
+        // The mean of m + b · l over the upper half of the sky, weighted by height, is m + ⅔ b · up.
+        let above = up.as_vec3() * (2.0 / 3.0);
         let sky = Sky::over(parts, frame);
         let share = |part: &Foliage, triangle: usize| {
             let [a, b, c] = part.corners(triangle);
-            sky.from(part.frame().to_caller((a + b + c) / 3.0)).share
+            let Outlook { share, toward } = sky.from(part.frame().to_caller((a + b + c) / 3.0));
+            ((share + toward.dot(above)) / OPEN).clamp(0.0, 1.0)
         };
         let of_part = |part: &&Foliage| (0..part.triangle_count()).into_par_iter().map(|t| share(part, t)).collect();
         Self { parts, shares: parts.iter().map(of_part).collect() }
@@ -109,6 +115,7 @@ pub(super) fn render(
                 let drawn: Vec<ScreenTriangle> = triangles.iter().map(|triangle| view.place(triangle)).collect();
                 let silent = Progress::silent();
                 let (mut canvases, _) = rasterise_timed(&drawn, texels, texels, samples, &shaders, silent)?;
+                sharpen(&mut canvases[0]);
                 canvases.iter_mut().for_each(fill_transparent);
                 Ok(codes(&canvases))
             })
