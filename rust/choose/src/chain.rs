@@ -280,7 +280,7 @@ impl Tree<'_> {
         };
         let settings = self.settings;
         let yardstick = Yardstick::new(self.foliage, self.trunk, settings.up, settings.is_lit(), LARGEST_OF_IMPOSTORS)?;
-        let judge = Judge { yardstick: &yardstick, q: wishes.q() };
+        let judge = Judge { yardstick: &yardstick, q: wishes.q(), memory_budget: wishes.memory_budget };
         let made = octahedral(last, Some(&judge), place, settings, progress)?;
         let most = (before_crown / LEAST_STEP).min(LARGEST_CROWN);
         let of_cross = yardstick.largest(Subject::Foliage(&drawn(cross, wishes)?), wishes.q(), most)?;

@@ -17,7 +17,7 @@ use leafcloud::{Foliage, Progress};
 use leafcloud_simplify::SimplifiedLeaves;
 
 use crate::last::LEAST_STEP;
-use crate::leaves::LeafLevel;
+use crate::leaves::{Form, LeafLevel};
 use crate::wishes::{LARGEST_CROWN, Wishes};
 use crate::yardstick::{Subject, UNJUDGED, Yardstick};
 
@@ -59,8 +59,8 @@ impl Whole<'_> {
         let mut levels: Vec<LeafLevel> = Vec::new();
         let most = self.simplified.map_or(LARGEST_CROWN, |level| level.passed.crown / LEAST_STEP);
         let least = LEAST_BAND * until.max(UNJUDGED);
-        let is_pruned = settings.pruning.is_some() || !wishes.sizes.is_empty();
-        if is_pruned || self.base().leaf_count() < FEWEST || most < least {
+        let may_be_leaves = wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
+        if !may_be_leaves || self.base().leaf_count() < FEWEST || most < least {
             return Ok(levels);
         }
         for share in SHARES {

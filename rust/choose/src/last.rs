@@ -13,6 +13,7 @@ use leafcloud::metrics::drawing_cost;
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_simplify::SimplifiedLeaves;
 
+use crate::wishes::compressed;
 use crate::yardstick::{Passed, Subject, Yardstick};
 
 /// Which form the last level may have.
@@ -30,9 +31,13 @@ pub enum Last {
 /// Least ratio of the distances at which two levels take over, so that each is drawn.
 pub const LEAST_STEP: f64 = 1.25;
 
-/// Largest diameter of the crown in pixels at which an octahedral impostor takes over. Three blended views lose the finest texture of larger ones,
-/// and its pages have a quarter of the texels of those for twice the size.
-const LARGEST: f64 = 30.0;
+/// Largest diameters of the crown in pixels at which an octahedral impostor takes over: where the clouds leave room in the budget of memory, and
+/// elsewhere. Its pages have a texel for each of these pixels, so the smaller one takes a quarter of the memory.
+const LARGEST: f64 = 62.0;
+const LARGEST_OF_SMALL: f64 = 30.0;
+
+/// Images of an octahedral impostor.
+const IMAGES: usize = 2;
 
 /// What an octahedral impostor would show and replace.
 #[derive(Clone, Copy)]
@@ -105,20 +110,39 @@ pub fn octahedral(
     if last == Last::Cross {
         return Ok(None);
     }
-    let largest = LARGEST.min(place.before_crown / LEAST_STEP);
-    let built = build(if last == Last::Octahedral { Size::default() } else { Size::for_crown(largest) })?;
-    let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
-    let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, largest)?;
+    let is_wished = last == Last::Octahedral;
+    let has_room = is_wished || judge.memory_budget >= megabytes(Size::for_crown(LARGEST), place);
+    let judged = |most: f64| -> Result<(Octahedral, Passed)> {
+        let largest = most.min(place.before_crown / LEAST_STEP);
+        let built = build(if is_wished { Size::default() } else { Size::for_crown(largest) })?;
+        let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
+        Ok((built, passed))
+    };
+    let (mut built, mut passed) = judged(if has_room { LARGEST } else { LARGEST_OF_SMALL })?;
+    if has_room && !is_wished && passed.crown <= LARGEST_OF_SMALL {
+        // Pages that serve no larger crown than small ones are not worth their memory.
+        (built, passed) = judged(LARGEST_OF_SMALL)?;
+    }
+    let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, passed.crown)?;
     let is_worth_it = passed.passes && saving(place, passed.crown, cross, &built.layout, settings.up)? >= LEAST_SAVING;
-    Ok((last == Last::Octahedral || is_worth_it).then_some((built, Some(passed))))
+    Ok((is_wished || is_worth_it).then_some((built, Some(passed))))
 }
 
-/// The yardstick for an octahedral impostor, and its limit.
+/// The yardstick for an octahedral impostor, and its limits.
 pub struct Judge<'a> {
     /// Pictures of leaves and trunk.
     pub yardstick: &'a Yardstick,
     /// Allowed FLIP over the control's.
     pub q: f64,
+    /// Budget of the compressed textures of all levels in MB.
+    pub memory_budget: f64,
+}
+
+/// Returns the compressed textures of the clouds and of an impostor in MB.
+fn megabytes(size: Size, place: Place) -> f64 {
+    let images = place.chain.levels.iter().flat_map(|level| level.page.images());
+    let clouds: usize = images.map(|(_, image)| image.pixels().len()).sum();
+    compressed(clouds + IMAGES * (size.grid * size.texels).pow(2))
 }
 
 /// Returns the share of the cost of the level before that the impostor saves where the cross impostor may not yet take over.

@@ -15,6 +15,9 @@ pub const OCTAVES: usize = BLURS.len();
 /// A pixel is inside the crown if more than this share of its surroundings is covered.
 const INSIDE: f32 = 0.6;
 
+/// Fewest pixels inside the crown for its contrast to count: a few pixels between two gaps are no texture.
+const LEAST_INSIDE: usize = 40;
+
 /// Cells along a side of a picture.
 const CELLS: usize = 16;
 
@@ -26,9 +29,6 @@ pub struct Looks {
     /// Root mean square of the finest octaves of luminance inside the crown, over the leaves'. 0.3 in the first is a blur, 1.3 in the others
     /// lumps.
     pub contrast: [f64; OCTAVES],
-    /// Sums of the squares of these octaves over the pixels inside the crown: the leaves', and the level's. The contrast of several views follows
-    /// from their sums: a view with a few pixels inside a thin crown says little.
-    pub squares: [[f64; 2]; OCTAVES],
     /// Sum of alpha over the leaves'.
     pub coverage: f64,
     /// Sum over cells of the differences of their covered share, over the covered share.
@@ -45,14 +45,15 @@ impl Looks {
         if covered <= 0.0 {
             return None;
         }
-        let fine = |image: &Image| octaves(image, &inside(base));
+        let inside = inside(base);
+        let fine = |image: &Image| octaves(image, &inside);
         let (own, others) = (fine(base), fine(other));
-        let squares = std::array::from_fn(|i| [own[i], others[i]]);
+        let counts = inside.iter().filter(|within| **within).count() >= LEAST_INSIDE;
+        let ratio = |i: usize| if counts && own[i] > 1e-4 { others[i] / own[i] } else { 1.0 };
         let (color, mean) = (mean_color(base), mean_color(other));
         Some(Self {
             flip: flip(base, other),
-            contrast: squares.map(ratio),
-            squares,
+            contrast: std::array::from_fn(ratio),
             coverage: alpha(other).sum::<f64>() / covered,
             cells: cells(base, other),
             color: (0..3).map(|i| (color[i] - mean[i]).abs()).fold(0.0, f64::max),
@@ -63,25 +64,14 @@ impl Looks {
     #[must_use]
     pub fn mean(views: &[Self]) -> Option<Self> {
         let mean = |each: &dyn Fn(&Self) -> f64| views.iter().map(each).sum::<f64>() / views.len() as f64;
-        let sum = |i: usize, which: usize| views.iter().map(|view| view.squares[i][which]).sum();
-        let squares: [[f64; 2]; OCTAVES] = std::array::from_fn(|i| [sum(i, 0), sum(i, 1)]);
         (!views.is_empty()).then(|| Self {
             flip: mean(&|view| view.flip),
-            contrast: squares.map(ratio),
-            squares,
+            contrast: std::array::from_fn(|i| mean(&|view| view.contrast[i])),
             coverage: mean(&|view| view.coverage),
             cells: mean(&|view| view.cells),
             color: mean(&|view| view.color),
         })
     }
-}
-
-/// Least sum of squares that is compared.
-const LEAST_SQUARES: f64 = 1e-6;
-
-/// Returns the contrast from sums of squares: the leaves', and the level's.
-fn ratio([own, other]: [f64; 2]) -> f64 {
-    if own > LEAST_SQUARES { (other / own).sqrt() } else { 1.0 }
 }
 
 /// Returns the alpha of each pixel, in [0, 1].
@@ -117,7 +107,7 @@ fn inside(image: &Image) -> Vec<bool> {
     blurred(&alpha, image.width(), BLURS[OCTAVES - 1]).into_iter().map(|share| share > INSIDE).collect()
 }
 
-/// Returns the sums of the squares of the differences between each blur and the one before it.
+/// Returns the root mean square of the differences between each blur and the one before it.
 fn octaves(image: &Image, inside: &[bool]) -> [f64; OCTAVES] {
     let luminance = |pixel: &[u8; 4]| {
         let alpha = f32::from(pixel[3]) / 255.0;
@@ -128,10 +118,15 @@ fn octaves(image: &Image, inside: &[bool]) -> [f64; OCTAVES] {
     let mut fine = sharp.clone();
     std::array::from_fn(|i| {
         let coarse = blurred(&sharp, image.width(), BLURS[i]);
-        let within = inside.iter().enumerate().filter(|(_, within)| **within);
-        let sum = within.map(|(pixel, _)| f64::from(fine[pixel] - coarse[pixel]).powi(2)).sum();
+        let (mut sum, mut count) = (0.0, 0usize);
+        for (pixel, within) in inside.iter().enumerate() {
+            if *within {
+                sum += f64::from(fine[pixel] - coarse[pixel]).powi(2);
+                count += 1;
+            }
+        }
         fine = coarse;
-        sum
+        if count == 0 { 0.0 } else { (sum / count as f64).sqrt() }
     })
 }
 
@@ -193,7 +188,7 @@ mod tests {
     fn a_picture_looks_like_itself() {
         let board = board(20, 200, 2);
         let found = Looks::of(&board, &board).unwrap();
-        let same = Looks { contrast: [1.0; 3], coverage: 1.0, squares: found.squares, ..Looks::default() };
+        let same = Looks { contrast: [1.0; 3], coverage: 1.0, ..Looks::default() };
         assert_eq!(found, same);
         assert_eq!(Looks::of(&picture(|_, _| [9, 9, 9, 0]), &board), None);
     }
@@ -206,11 +201,16 @@ mod tests {
     }
 
     #[test]
-    fn a_view_without_texture_says_nothing_about_contrast() {
-        let half = Looks::of(&board(20, 220, 2), &board(70, 170, 2)).unwrap();
-        let even = Looks::of(&board(100, 100, 2), &board(20, 220, 2)).unwrap();
-        let both = Looks::mean(&[half, Looks { squares: [[0.0; 2]; 3], ..even }]).unwrap();
-        assert_eq!(both.contrast, half.contrast);
+    fn a_few_pixels_inside_say_nothing_about_contrast() {
+        let spot = |side: usize, board: &Image| {
+            let pixels = board.pixels().iter().enumerate();
+            let within = |i: usize| i % 64 < side && i / 64 < side;
+            let pixels = pixels.map(|(i, pixel)| if within(i) { *pixel } else { [0; 4] });
+            Image::new(64, 64, pixels.collect::<Vec<_>>()).unwrap()
+        };
+        let contrast =
+            |side| Looks::of(&spot(side, &board(20, 220, 1)), &spot(side, &board(70, 170, 1))).unwrap().contrast[0];
+        assert!(contrast(4) == 1.0 && contrast(40) < 0.6, "{} {}", contrast(4), contrast(40));
     }
 
     #[test]

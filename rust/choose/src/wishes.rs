@@ -36,9 +36,9 @@ pub struct Wishes {
     /// From 0 (fast) to 1 (exact).
     pub quality: f64,
     /// Distance to the horizon in R.
-    pub horizon: f64,
+    pub scene: f64,
     /// Budget of the levels' compressed textures in MB.
-    pub memory: f64,
+    pub memory_budget: f64,
     /// Sizes at which the levels take over, as shares of the picture's height, descending; empty: where they pass.
     pub sizes: Vec<f64>,
     /// Whether the renderer shows alpha as a share, not cut out.
@@ -53,8 +53,8 @@ impl Default for Wishes {
     fn default() -> Self {
         Self {
             quality: 0.5,
-            horizon: 50.0,
-            memory: 4.0,
+            scene: 50.0,
+            memory_budget: 4.0,
             sizes: Vec::new(),
             shares: false,
             free: true,
@@ -70,7 +70,7 @@ impl Wishes {
     /// The first outside its range; sizes that do not descend, or too many.
     pub fn check(&self) -> Result<()> {
         QUALITY.check("quality", self.quality)?;
-        MEMORY.check("memory_budget", self.memory)?;
+        MEMORY.check("memory_budget", self.memory_budget)?;
         self.scene()?;
         self.sizes.iter().try_for_each(|size| SIZE.check("sizes", *size))?;
         if self.sizes.len() > MOST_SIZES || !self.sizes.is_sorted_by(|a, b| a > b) {
@@ -99,7 +99,7 @@ impl Wishes {
     /// # Errors
     /// A horizon outside its range.
     pub fn scene(&self) -> Result<Scene> {
-        Scene::to(self.horizon)
+        Scene::to(self.scene)
     }
 
     /// Returns the wished diameter of the crown in pixels where the level with this number takes over, from 0.
@@ -112,12 +112,17 @@ impl Wishes {
     /// `images`: on each page.
     #[must_use]
     pub fn page_side(&self, images: usize) -> usize {
-        // A byte a texel and a third of it for mip levels, on pages of 1, 1/4, 1/16 … of the first one's texels.
-        let bytes_per_texel = images as f64 * 4.0 / 3.0 * 4.0 / 3.0;
-        let side = (self.memory * 1024.0 * 1024.0 / bytes_per_texel).sqrt();
+        // The pages have 1, 1/4, 1/16 … of the first one's texels.
+        let side = (self.memory_budget / compressed(1) / (images as f64 * 4.0 / 3.0)).sqrt();
         let least = limits::TEXTURE_SIZE.low;
         libm::exp2(libm::log2(side.max(least)).floor()) as usize
     }
+}
+
+/// Returns the MB of compressed textures: a byte a texel, and a third of it for mip levels.
+#[must_use]
+pub fn compressed(texels: usize) -> f64 {
+    texels as f64 * 4.0 / 3.0 / (1024.0 * 1024.0)
 }
 
 #[cfg(test)]
@@ -132,7 +137,7 @@ mod tests {
 
     #[test]
     fn pages_fit_the_budget() {
-        let side = |memory, images| Wishes { memory, ..Wishes::default() }.page_side(images);
+        let side = |memory, images| Wishes { memory_budget: memory, ..Wishes::default() }.page_side(images);
         assert_eq!(
             [(4.0, 2), (4.0, 3), (16.0, 2), (1.0, 2), (0.25, 2)].map(|(m, i)| side(m, i)),
             [1024, 512, 2048, 512, 256]
@@ -143,8 +148,8 @@ mod tests {
     fn wishes_out_of_range_are_refused_by_name() {
         let refused = |wishes: Wishes| wishes.check().unwrap_err().to_string();
         assert!(refused(Wishes { quality: 1.5, ..Wishes::default() }).starts_with("`quality` is 1.5"));
-        assert!(refused(Wishes { memory: 0.0, ..Wishes::default() }).starts_with("`memory_budget` is 0"));
-        assert!(refused(Wishes { horizon: 1.0, ..Wishes::default() }).starts_with("`scene` is 1"));
+        assert!(refused(Wishes { memory_budget: 0.0, ..Wishes::default() }).starts_with("`memory_budget` is 0"));
+        assert!(refused(Wishes { scene: 1.0, ..Wishes::default() }).starts_with("`scene` is 1"));
         assert!(refused(Wishes { sizes: vec![2.0], ..Wishes::default() }).starts_with("`sizes` is 2"));
         assert!(refused(Wishes { sizes: vec![0.1, 0.2], ..Wishes::default() }).contains("the largest first"));
         assert!(Wishes { sizes: vec![0.5, 0.25], ..Wishes::default() }.check().is_ok());

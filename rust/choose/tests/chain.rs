@@ -17,7 +17,7 @@ fn built(foliage: &Foliage, settings: ChainSettings, wishes: Option<Wishes>, las
 
 /// Small pages and a low quality are quick.
 fn small() -> Wishes {
-    Wishes { memory: 0.25, quality: 0.2, ..Wishes::default() }
+    Wishes { memory_budget: 0.25, quality: 0.2, ..Wishes::default() }
 }
 
 fn chosen(foliage: &Foliage, wishes: Wishes) -> Chosen {
@@ -68,7 +68,7 @@ fn wished_sizes_and_a_given_epsilon_are_kept() {
 fn pages_keep_to_the_memory() {
     let foliage = crown(200);
     let side = |memory| {
-        let found = chosen(&foliage, Wishes { memory, sizes: vec![0.4], ..small() });
+        let found = chosen(&foliage, Wishes { memory_budget: memory, sizes: vec![0.4], ..small() });
         found.chain.levels.iter().map(|level| level.page.base_color.width()).max().unwrap()
     };
     assert!(side(0.25) <= 256 && side(4.0) > 256);

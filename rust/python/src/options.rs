@@ -225,8 +225,8 @@ impl<'py> Options<'py> {
         let sizes: Option<Vec<f64>> = self.some("sizes", "a list of shares of the picture's height, or None")?;
         let wishes = Wishes {
             quality: quality.unwrap_or(default.quality),
-            horizon: self.number("scene", default.horizon)?,
-            memory: self.number("memory_budget", default.memory)?,
+            scene: self.number("scene", default.scene)?,
+            memory_budget: self.number("memory_budget", default.memory_budget)?,
             shares: self.flag("shares", default.shares)?,
             free: !self.0.as_ref().is_some_and(|options| options.contains("epsilon").unwrap_or(true)),
             form: match form.as_deref() {

@@ -86,8 +86,8 @@ fn chain_settings() -> Vec<Named> {
         real("seconds", SECONDS, None),
         real("image_error", IMAGE_ERROR, None),
         real("quality", QUALITY, Some(wishes.quality)),
-        real("scene", HORIZON, Some(wishes.horizon)),
-        real("memory_budget", MEMORY, Some(wishes.memory)),
+        real("scene", HORIZON, Some(wishes.scene)),
+        real("memory_budget", MEMORY, Some(wishes.memory_budget)),
         real("sizes", SIZE, None),
     ]
 }

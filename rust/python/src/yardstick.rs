@@ -61,7 +61,7 @@ pub fn allowed_difference(quality: f64) -> f64 {
 
 #[pyfunction]
 pub fn page_side(memory_budget: f64) -> usize {
-    Wishes { memory: memory_budget, ..Wishes::default() }.page_side(TYPICAL_IMAGES)
+    Wishes { memory_budget, ..Wishes::default() }.page_side(TYPICAL_IMAGES)
 }
 
 /// Images of a page: base color and normals.
