@@ -114,7 +114,7 @@ impl Wanted {
             _ => built(foliage, trunk, settings, *wish, clouds)?,
         };
         let tree = Tree { foliage, trunk, settings };
-        let judged = tree.judged(chosen, wishes, &yardstick)?;
+        let judged = tree.judged(chosen, wishes, &yardstick, progress.part(SHARE_OF_CLOUDS, SHARE_OF_CLOUDS))?;
         tree.finished(judged, Some(wishes), *last, progress)
     }
 }
@@ -208,8 +208,8 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    /// Finds where leaves and clouds take over.
-    fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick) -> Result<Chosen> {
+    /// Finds where leaves and clouds take over, and adds fewer leaves before the clouds.
+    fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
         let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
         let simplified = chosen.leaf_levels.first().map(Arc::clone);
         let mut before = simplified.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
@@ -233,7 +233,7 @@ impl Tree<'_> {
         let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref(), chain: &chosen.chain };
         let first_cloud = chosen.takes_over.get(chosen.leaf_levels.len()).map_or(0.0, |passed| passed.crown);
         let room = MOST_LEVELS.saturating_sub(chosen.takes_over.len() + 1);
-        let fewer = whole.fewer(first_cloud, wishes, yardstick, self.settings)?;
+        let fewer = whole.fewer(first_cloud, wishes, yardstick, self.settings, progress)?;
         for level in fewer.into_iter().take(room) {
             chosen.takes_over.insert(chosen.leaf_levels.len(), level.passed);
             chosen.leaf_levels.push(Arc::new(level));

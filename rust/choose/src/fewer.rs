@@ -11,7 +11,7 @@ use std::time::Instant;
 use glam::DVec3;
 use leafcloud::error::Result;
 use leafcloud::lod::{Chain, ChainSettings, prune_trends, report_pictures};
-use leafcloud::prune::{Kept, pruned};
+use leafcloud::prune::{Kept, Pruned, pruned};
 use leafcloud::transition::leaf_pivots;
 use leafcloud::{Foliage, Progress};
 use leafcloud_simplify::SimplifiedLeaves;
@@ -55,22 +55,34 @@ impl Whole<'_> {
         wishes: &Wishes,
         yardstick: &Yardstick,
         settings: &ChainSettings,
+        progress: Progress,
     ) -> Result<Vec<LeafLevel>> {
         let mut levels: Vec<LeafLevel> = Vec::new();
         let most = self.simplified.map_or(LARGEST_CROWN, |level| level.passed.crown / LEAST_STEP);
         let least = LEAST_BAND * until.max(UNJUDGED);
-        let may_be_leaves = wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
+        let may_be_leaves =
+            wishes.free && wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
         if !may_be_leaves || self.base().leaf_count() < FEWEST || most < least {
             return Ok(levels);
         }
         for share in SHARES {
-            let level = self.with(share, (wishes, most), yardstick, settings)?;
-            if !level.passed.passes || level.passed.crown < least {
+            let started = Instant::now();
+            let Pruned { foliage, kept } = self.pruned(share, settings, progress)?;
+            let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
+            if !passed.passes || passed.crown < least {
                 break;
             }
             // A level that passes at the size of the one before takes its place.
-            levels.pop_if(|finer| finer.passed.crown < LEAST_STEP * level.passed.crown);
-            levels.push(level);
+            levels.pop_if(|finer| finer.passed.crown < LEAST_STEP * passed.crown);
+            let pictures = report_pictures(self.leaves, &foliage, settings)?;
+            let leaves = self.moved(foliage, &kept);
+            levels.push(LeafLevel {
+                leaves,
+                passed,
+                pictures,
+                seconds: started.elapsed().as_secs_f64(),
+                kept: Some(kept),
+            });
         }
         // Corners move from the places that they have in the level before.
         for number in (1..levels.len()).rev() {
@@ -81,21 +93,11 @@ impl Whole<'_> {
         Ok(levels)
     }
 
-    /// Returns the level with a share of the leaves. Targets are for all leaves.
-    fn with(
-        &self,
-        share: f64,
-        (wishes, most): (&Wishes, f64),
-        yardstick: &Yardstick,
-        settings: &ChainSettings,
-    ) -> Result<LeafLevel> {
-        let (started, base, ranks) = (Instant::now(), self.base(), &self.chain.ranks);
-        let growth = prune_trends::growth_of(base, ranks, share, settings.up, Progress::silent())?;
-        let kept = pruned(base, ranks, share, growth)?;
-        let passed = yardstick.largest(Subject::Foliage(&kept.foliage), wishes.q(), most)?;
-        let pictures = report_pictures(self.leaves, &kept.foliage, settings)?;
-        let leaves = self.moved(kept.foliage, &kept.kept);
-        Ok(LeafLevel { leaves, passed, pictures, seconds: started.elapsed().as_secs_f64(), kept: Some(kept.kept) })
+    /// Returns a share of the leaves, which cover as much as all.
+    fn pruned(&self, share: f64, settings: &ChainSettings, progress: Progress) -> Result<Pruned> {
+        let (base, ranks) = (self.base(), &self.chain.ranks);
+        let growth = prune_trends::growth_of(base, ranks, share, settings.up, progress)?;
+        pruned(base, ranks, share, growth)
     }
 
     /// Returns the leaves with the places to which all corners move: onto the larger leaves, or into the pivots of those that are gone.

@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
 use leafcloud::atlas::Billboard;
 use leafcloud::geometry::Frame;
 use leafcloud::lod::{Chain, LeftOut, Level, share_page};
 use leafcloud::prune::Kept;
+use leafcloud::transition::Projection;
 use leafcloud::{Error, Foliage};
 use leafcloud_choose::{Chosen, LeafLevel, TriedEpsilon};
 use leafcloud_curve::Stages;
@@ -71,8 +73,9 @@ impl PyChain {
 
     #[getter]
     fn clouds(&self) -> Vec<PyLevel> {
-        let Chosen { chain, .. } = &self.chosen;
-        let level = |index| PyLevel { chain: Arc::clone(chain), index, radius: self.frame.radius };
+        let Chosen { chain, leaf_levels, .. } = &self.chosen;
+        let fewer = |index| leaf_levels.last().filter(|level| index == 0 && level.kept.is_some()).map(Arc::clone);
+        let level = |index| PyLevel { chain: Arc::clone(chain), index, radius: self.frame.radius, fewer: fewer(index) };
         (0..chain.levels.len()).map(level).collect()
     }
 
@@ -200,6 +203,8 @@ pub struct PyLevel {
     chain: Arc<Chain>,
     index: usize,
     radius: f64,
+    /// Fewer leaves before the first cloud, which is made from all.
+    fewer: Option<Arc<LeafLevel>>,
 }
 
 impl PyLevel {
@@ -213,6 +218,10 @@ impl PyLevel {
             return Err(Error::invalid("nothing morphs to the cross impostor; the level before it only fades out"));
         };
         let kept = self.chain.kept.as_ref().filter(|_| self.index == 0);
+        let fewer = self.fewer.as_ref().and_then(|level| level.kept.as_ref());
+        if let Some(fewer) = fewer.filter(|fewer| fewer.triangles.len() == before.triangle_count()) {
+            return self.fewer_at(projection, fewer, before, a);
+        }
         let lacks = kept.is_some_and(|kept| kept.triangles.iter().any(|&t| t as usize >= before.triangle_count()));
         let kept = if lacks { None } else { kept.map(|kept| kept.of(before)).transpose()? };
         let finer = kept.as_ref().unwrap_or(before);
@@ -223,6 +232,29 @@ impl PyLevel {
             )));
         }
         projection.at(finer, a)
+    }
+
+    /// Returns fewer leaves at `a` of their transition to the first cloud. They stay as large as they are. Those that the crown hides shrink into
+    /// their corners' mean.
+    fn fewer_at(&self, projection: &Projection, fewer: &Kept, before: &Foliage, a: f64) -> Result<Foliage, Error> {
+        let place = |triangle: u32| match &self.chain.kept {
+            None => Some(triangle as usize),
+            Some(kept) => kept.triangles.binary_search(&triangle).ok(),
+        };
+        let in_before = |p| before.frame().to_local(self.level().frame.to_caller(p));
+        let target = |(number, (&triangle, &growth)): (usize, (&u32, &f64))| {
+            let from = before.corners(number);
+            let onto: [DVec3; 3] = match place(triangle) {
+                None => [(from[0] + from[1] + from[2]) / 3.0; 3],
+                Some(place) => {
+                    let pivot = projection.pivot_targets[place];
+                    projection.targets[place].map(|p| in_before(pivot + (p - pivot) * growth))
+                }
+            };
+            std::array::from_fn(|i| from[i].lerp(onto[i], a))
+        };
+        let corners: Vec<[DVec3; 3]> = fewer.triangles.iter().zip(&fewer.growth).enumerate().map(target).collect();
+        before.with_corners(&corners)
     }
 }
 
