@@ -29,10 +29,11 @@ def moves_to_leaves(level: leafcloud.LeafLevel, pivots: NDArray[np.float64]) -> 
 
 
 def leaf_moves(chain: leafcloud.Chain, chain_pivots: NDArray[np.float64]) -> LeafMoves:
-    """Return the moves of the leaves that the first cloud is made of onto it. `chain_pivots` (t, 3): of their triangles.
+    """Return the moves of the leaves that the first cloud is made of onto it.
 
-    Targets are for leaves at their size at rest. The node group grows the leaves about their pivots, and then they
-    coincide with the cloud. Leaves without a billboard shrink into their pivots.
+    `chain_pivots` (t, 3): of their triangles. Targets are for leaves at their size at rest. The node group grows the
+    leaves about their pivots, and then they coincide with the cloud. Leaves without a billboard shrink into their
+    pivots.
     """
     level = chain.clouds[0]
     assert level.cloud is not None

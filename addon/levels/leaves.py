@@ -54,7 +54,6 @@ def later_leaf_object(level: leafcloud.LeafLevel, number: int, build: Build) -> 
     extras = {
         "level": number,
         "switch_distance": build.schedule.switch_distances[number],
-        "max_deviation": level.max_deviation_leaves,
     }
     return object_of(mesh, shape, extras, build.schedule.lod_ranges[number], build)
 

@@ -87,7 +87,7 @@ def leaf_wind_attributes(
         pivot=None if build.has("pruning") else pivots.astype(np.float32),
         billboard_pivot=carriers,
         phase=phases(leaf_ids[of_vertex]),
-        flutter=freedom(leaf_pivots.astype(np.float32))[of_vertex],
+        flutter=freedom(leaf_pivots.astype(np.float32), chain.pivots.astype(np.float32))[of_vertex],
     )
 
 
@@ -125,13 +125,13 @@ def phases(leaf_ids: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
     return np.minimum(leaf_ids.astype(np.float64) * GOLDEN % 1.0, 1.0 - 2.0**-24).astype(np.float32)
 
 
-def freedom(pivots: NDArray[np.float32]) -> NDArray[np.float32]:
+def freedom(pivots: NDArray[np.float32], crown: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return (n,) the flutter of leaves with `pivots` (n, 3), in [0, 1].
 
-    It is the distance from the crown's center, relative to the ellipsoid inscribed in the bounding box of all pivots,
-    at most 1.
+    It is the distance from the crown's center, relative to the ellipsoid inscribed in the bounding box of all pivots
+    of the `crown` (m, 3), at most 1.
     """
-    low, high = pivots.min(axis=0), pivots.max(axis=0)
+    low, high = crown.min(axis=0), crown.max(axis=0)
     half = np.where(high > low, (high - low) / 2.0, 1.0)
     return np.minimum(np.linalg.norm((pivots - (low + high) / 2.0) / half, axis=1), 1.0).astype(np.float32)
 

@@ -21,7 +21,7 @@ BELOW = 0.5
 STEPS = 2
 """Corrections of the height by the stored depth (`STEPS` of octahedral/draw.rs)."""
 OPEN = 1.5
-"""Light over the visible share of the sky (`LC_OPEN` of shaders/octahedral.glsl)."""
+"""Light over the stored openness (`LC_OPEN` of shaders/octahedral.glsl)."""
 
 _LAYOUT_KEY, _VIEW_LAYOUT_KEY = "leafcloud_octahedral_layout", "leafcloud_octahedral_view_layout"
 _LAYOUT = 1

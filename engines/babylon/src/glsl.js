@@ -242,8 +242,7 @@ struct LcViews {
 // How far the views reach below the horizon, and the corrections of the height by the stored depth.
 const float LC_BELOW = 0.5;
 const int LC_STEPS = 2;
-// Light over the visible share of the sky. A leaf on the hull sees half of the sky, and gets all of its light; the sun
-// reaches half of such leaves, because the others stand in the way.
+// Light over the stored openness, which stands for the shadows of the leaves on each other.
 const float LC_OPEN = 1.5;
 
 // The direction from the tree to the viewer of a view.

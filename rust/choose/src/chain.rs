@@ -30,9 +30,8 @@ const LARGEST_OF_IMPOSTORS: usize = 64;
 /// Greatest excess with which a cloud takes over that passes nowhere, where it is closest to passing. The bake says so.
 const NEARLY: f64 = 2.0;
 
-/// Side of the largest pictures of a quick choice, and the largest diameter of a crown at which its levels take over.
+/// Side of the largest pictures of a quick choice.
 const LARGEST_OF_QUICK: usize = 128;
-const NEAREST_OF_QUICK: f64 = 250.0;
 
 /// Most views of a quick choice.
 const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
@@ -41,7 +40,7 @@ const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
 const SHARE_OF_CHOICE: f64 = 0.3;
 const SHARE_OF_CLOUDS: f64 = 0.85;
 
-/// Most levels after the leaves.
+/// Most levels after the leaves: each is a mesh and a hand-over more in the file.
 const MOST_LEVELS: usize = 5;
 
 /// Diameter of the crown in pixels where a level takes over at the latest.
@@ -208,14 +207,13 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    /// Finds where leaves and clouds take over, and adds fewer leaves before the clouds.
+    /// Finds where leaves and clouds take over. Fewer leaves come before the clouds, where they look like the leaves.
     fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
         let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
         let simplified = chosen.leaf_levels.first().map(Arc::clone);
         let mut before = simplified.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
         for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
-            let nearest = if wishes.is_quick() { NEAREST_OF_QUICK } else { LARGEST_CROWN };
-            let most = takes_over.last().map_or(nearest, |finer| finer.crown / LEAST_STEP);
+            let most = takes_over.last().map_or(wishes.largest_crown(), |finer| finer.crown / LEAST_STEP);
             let most = if number == 0 { most } else { most.min(LATER_CROWN) };
             let shown = drawn(level, wishes)?;
             let passed =
@@ -229,20 +227,50 @@ impl Tree<'_> {
             takes_over.push(Passed { crown, ..passed });
             before = shown;
         }
-        let mut chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level);
+        let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level);
+        // A time or an error is a wish for clouds.
+        if chosen.offer.is_some() {
+            return Ok(chosen);
+        }
+        self.with_fewer(chosen, wishes, yardstick, progress)
+    }
+
+    /// Adds fewer leaves before the clouds, where they look like the leaves.
+    fn with_fewer(
+        &self,
+        mut chosen: Chosen,
+        wishes: &Wishes,
+        yardstick: &Yardstick,
+        progress: Progress,
+    ) -> Result<Chosen> {
+        let simplified = chosen.leaf_levels.first().map(Arc::clone);
         let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref(), chain: &chosen.chain };
         let first_cloud = chosen.takes_over.get(chosen.leaf_levels.len()).map_or(0.0, |passed| passed.crown);
-        let room = MOST_LEVELS.saturating_sub(chosen.takes_over.len() + 1);
+        let room = MOST_LEVELS.saturating_sub(chosen.takes_over.len() + usize::from(self.settings.cross));
         let fewer = whole.fewer(first_cloud, wishes, yardstick, self.settings, progress)?;
         for level in fewer.into_iter().take(room) {
             chosen.takes_over.insert(chosen.leaf_levels.len(), level.passed);
             chosen.leaf_levels.push(Arc::new(level));
         }
+        self.cheaper_than_fewer(chosen, wishes)
+    }
+
+    /// Lets the clouds take over where the first one is cheaper than the leaves before it, too.
+    fn cheaper_than_fewer(&self, mut chosen: Chosen, wishes: &Wishes) -> Result<Chosen> {
+        let Some(before) = chosen.leaf_levels.last().filter(|level| level.kept.is_some()) else { return Ok(chosen) };
+        let count = chosen.leaf_levels.len();
+        if let (Some(passed), Some(cloud)) = (chosen.takes_over.get(count), chosen.chain.levels.first()) {
+            let mut most = self.cheaper_from(passed.crown, &drawn(cloud, wishes)?, &before.leaves.foliage)?;
+            for passed in &mut chosen.takes_over[count..] {
+                passed.crown = passed.crown.min(most);
+                most = passed.crown / LEAST_STEP;
+            }
+        }
         Ok(chosen)
     }
 
     /// Returns the largest diameter of the crown in pixels, up to `crown`, at which a level is cheaper to draw than the level before it, and, where
-    /// fragments cost most, draws no more of them than the tree's own leaves.
+    /// fragments cost most, draws at most [`MOST_FRAGMENTS`] times those of the tree's own leaves.
     fn cheaper_from(&self, crown: f64, level: &Foliage, before: &Foliage) -> Result<f64> {
         let mut size = crown;
         while size > LEAST_CROWN {
@@ -270,7 +298,7 @@ impl Tree<'_> {
         let simpler = chosen.leaf_levels.first().filter(|level| level.kept.is_none()).map(|level| &level.leaves);
         let parts: Vec<&Foliage> = std::iter::once(self.foliage).chain(self.trunk).collect();
         let before_crown = chosen.takes_over.last().map_or(f64::INFINITY, |passed| passed.crown);
-        let of_leaves = simpler.map_or(self.foliage, |simpler| &simpler.foliage);
+        let of_leaves = chosen.leaf_levels.last().map_or(self.foliage, |level| &level.leaves.foliage);
         let before = before.as_ref().unwrap_or(of_leaves);
         let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain };
         let progress = progress.part(SHARE_OF_CLOUDS, 1.0);

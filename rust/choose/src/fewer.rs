@@ -4,7 +4,7 @@
 //! Simplification of Aggregate Detail", 2007). They have the textures of the tree's own leaves, so they cost no memory. Needles, which no cloud
 //! shows well near by, need half of the leaves at a quarter of the picture's height.
 //!
-//! Each share is judged once at each size. Known limit: the order is random, so gaps between few large leaves show.
+//! O(shares · pictures). Known limit: the order is random, so gaps between few large leaves show.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ use leafcloud_simplify::SimplifiedLeaves;
 
 use crate::last::LEAST_STEP;
 use crate::leaves::{Form, LeafLevel};
-use crate::wishes::{LARGEST_CROWN, Wishes};
+use crate::wishes::Wishes;
 use crate::yardstick::{Subject, UNJUDGED, Yardstick};
 
 /// Shares of leaves that are tried. A quarter are twice as large, and larger ones look like other leaves.
@@ -27,7 +27,10 @@ const SHARES: [f64; 2] = [0.5, 0.25];
 /// Fewest leaves that are pruned: without one of a few leaves, a tree looks different.
 const FEWEST: usize = 200;
 
-/// Least ratio of the sizes between which such a level is drawn.
+/// Largest share of the triangles that such a level may have.
+const MOST_KEPT: f64 = 0.75;
+
+/// Least ratio of the size at which such a level takes over to that of the first cloud.
 const LEAST_BAND: f64 = 1.5;
 
 /// The tree's leaves, and the leaves from which fewer are taken.
@@ -58,7 +61,7 @@ impl Whole<'_> {
         progress: Progress,
     ) -> Result<Vec<LeafLevel>> {
         let mut levels: Vec<LeafLevel> = Vec::new();
-        let most = self.simplified.map_or(LARGEST_CROWN, |level| level.passed.crown / LEAST_STEP);
+        let most = self.simplified.map_or(wishes.largest_crown(), |level| level.passed.crown / LEAST_STEP);
         let least = LEAST_BAND * until.max(UNJUDGED);
         let may_be_leaves =
             wishes.free && wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
@@ -68,6 +71,10 @@ impl Whole<'_> {
         for share in SHARES {
             let started = Instant::now();
             let Pruned { foliage, kept } = self.pruned(share, settings, progress)?;
+            // Protected leaves stay.
+            if (kept.triangles.len() as f64) > MOST_KEPT * self.base().triangle_count() as f64 {
+                break;
+            }
             let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
             if !passed.passes || passed.crown < least {
                 break;

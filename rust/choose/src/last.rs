@@ -119,7 +119,8 @@ pub fn octahedral(
         Ok((built, passed))
     };
     let (mut built, mut passed) = judged(if has_room { LARGEST } else { LARGEST_OF_SMALL })?;
-    if has_room && !is_wished && passed.crown <= LARGEST_OF_SMALL {
+    let is_large = LARGEST.min(place.before_crown / LEAST_STEP) > LARGEST_OF_SMALL;
+    if has_room && is_large && !is_wished && passed.crown <= LARGEST_OF_SMALL {
         // Pages that serve no larger crown than small ones are not worth their memory.
         (built, passed) = judged(LARGEST_OF_SMALL)?;
     }

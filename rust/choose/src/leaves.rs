@@ -12,7 +12,7 @@ use leafcloud::prune::Kept;
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_simplify::{SimplifiedLeaves, simplified_leaves};
 
-use crate::wishes::{LARGEST_CROWN, Wishes};
+use crate::wishes::Wishes;
 use crate::yardstick::{Passed, Subject, Yardstick};
 
 /// Bounds that are tried, in R, by about 2.
@@ -83,7 +83,7 @@ pub fn leaf_level(
     let mut best = None;
     for bound in BOUNDS {
         let Some(leaves) = simplified_leaves(foliage, bound, progress)? else { continue };
-        let passed = yardstick.largest(Subject::Foliage(&leaves.foliage), q, LARGEST_CROWN)?;
+        let passed = yardstick.largest(Subject::Foliage(&leaves.foliage), q, wishes.largest_crown())?;
         if !passed.passes {
             break;
         }

@@ -27,8 +27,9 @@ pub const LARGEST_CROWN: f64 = 0.5 * NEAREST;
 /// Largest diameter of a crown in pixels at which a cloud after the first takes over: a sixth of the picture's height. It is built for fewer.
 pub const LATER_CROWN: f64 = NEAREST / 6.0;
 
-/// Quality from which choices are rough and made in a part of the time.
+/// Quality from which choices are rough and made in a part of the time, in small pictures. They say nothing about larger crowns.
 const QUICK: f64 = 0.25;
+const LARGEST_OF_QUICK: f64 = 250.0;
 
 /// Settings of a chain whose levels quality chooses.
 #[derive(Clone, Debug)]
@@ -92,6 +93,12 @@ impl Wishes {
     #[must_use]
     pub fn is_quick(&self) -> bool {
         self.quality <= QUICK
+    }
+
+    /// Returns the largest diameter of the crown in pixels at which a level takes over by its looks.
+    #[must_use]
+    pub fn largest_crown(&self) -> f64 {
+        if self.is_quick() { LARGEST_OF_QUICK } else { LARGEST_CROWN }
     }
 
     /// Returns the scene.

@@ -420,7 +420,7 @@ class LeafLevel:
     def cloud(self) -> None: ...
     @property
     def method(self) -> str:
-        """"simplified" or "fewer"."""
+        """The string "simplified" or "fewer"."""
     @property
     def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
         """For fewer leaves: the triangles (s,) that are kept of the simplified leaves, or of the tree's own without
@@ -434,14 +434,15 @@ class LeafLevel:
         """(s, 3, 3) positions of the corners. Leaves grow about their pivots to keep their area."""
     @property
     def targets(self) -> NDArray[np.float64]:
-        """(t, 3, 3) position of each corner of the level before at a = 1: a point of its leaf, or the pivot of a leaf that
-        is gone."""
+        """(t, 3, 3) position of each corner of the level before at a = 1: a point of its leaf, or the pivot of a leaf
+        that is gone."""
     @property
     def triangles(self) -> int:
         """Number of triangles."""
     @property
     def max_deviation_leaves(self) -> float:
-        """Maximum distance of a corner from its target, fraction of R."""
+        """Maximum distance of a corner of the tree's own leaves from its target, or of the simplified leaves for fewer
+        leaves; fraction of R."""
     @property
     def texel_size(self) -> float:
         """0: the level has no page."""
@@ -469,7 +470,7 @@ class LeafLevel:
 
         Raises ``LeafcloudError`` for another foliage, and for ``a`` out of range."""
     def foliage(self) -> Foliage:
-        """Return the simplified leaves as foliage of the same tree."""
+        """Return the leaves of the level as foliage of the same tree."""
 
 class OctahedralLevel:
     """The last level as an octahedral impostor: one quad that faces the eye and shows the three nearest of ``grid`` ×
@@ -491,7 +492,7 @@ class OctahedralLevel:
     @property
     def normal_depth(self) -> NDArray[np.uint8]:
         """(h, w, 4) x and y of the normals in each view's axes, in [-1, 1] as codes (z ≥ 0 follows), the share of the
-        sky that the leaf sees, and in alpha the depth toward the viewer, in [-1, 1] as codes."""
+        light from above that the leaf gets, and in alpha the depth toward the viewer, in [-1, 1] as codes."""
     @property
     def alpha_cutoff(self) -> float:
         """Least alpha to draw, for engines that cut out instead of blending."""
@@ -643,12 +644,12 @@ class Chain:
         """The error bounds that were tried for the first cloud; the last one was chosen."""
     @property
     def levels(self) -> list[AnyLevel]:
-        """All levels: the leaf level, if there is one, then ``clouds``. An octahedral impostor replaces the cross
+        """All levels: those of leaves, if there are some, then ``clouds``. An octahedral impostor replaces the cross
         impostor."""
     @property
     def clouds(self) -> list[Level]:
-        """The clouds and the cross impostor. If there is a leaf level, the first is made of it: the leaf level's
-        triangles are those of its parents, targets and pivots, and of ``kept``."""
+        """The clouds and the cross impostor. The first is made of the simplified leaves, if there are some: their
+        triangles are those of its parents, targets and pivots, and of ``kept``. It is never made of fewer leaves."""
     @property
     def left_out(self) -> list[LeftOut]:
         """The levels that were not made, with ``every_level=False``."""
@@ -976,7 +977,8 @@ def build_chain(
     ``sizes``, with ``quality``: sizes of the crown where levels take over, as fractions of 1080 lines, descending.
     ``shares``, with ``quality``: levels are drawn with alpha as a share of a pixel, not cut out.
     ``form``, with ``quality``: "billboards", "leaves" (level 1 is :class:`LeafLevel`, however little it saves), or
-    "auto": leaves where they make the scene a tenth cheaper to draw.
+    "auto": leaves where they make the scene a tenth cheaper to draw, and half or a quarter of the leaves where the
+    first cloud takes over late.
     ``steps``: for each cloud its ε and the diameter of the crown in pixels where it takes over, in place of the ε that
     grow by :data:`EPSILON_STEP` and of ``pixels``.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and

@@ -128,7 +128,7 @@ impl PyLeafLevel {
     fn morphed(&self, py: Python<'_>, before: &Bound<'_, PyAny>, a: &Bound<'_, PyAny>) -> PyResult<PyFoliage> {
         let before: Bound<'_, PyFoliage> = read(before, "before", "a Foliage")?;
         let a = arrays::transition(a)?;
-        let (level, before) = (Arc::clone(&self.level), Arc::clone(&before.get().0));
+        let (level, before, frame) = (Arc::clone(&self.level), Arc::clone(&before.get().0), self.frame);
         let (given, wanted) = (before.triangle_count(), level.leaves.targets.len());
         if given != wanted {
             return Err(refuse(format!(
@@ -138,7 +138,9 @@ impl PyLeafLevel {
         let foliage = interruptible(py, move |_| {
             let at = |(t, targets): (usize, &[DVec3; 3])| {
                 let from = before.corners(t);
-                std::array::from_fn(|i| from[i].lerp(targets[i], a))
+                // The level before may have another frame than the tree.
+                let onto = targets.map(|p| before.frame().to_local(frame.to_caller(p)));
+                std::array::from_fn(|i| from[i].lerp(onto[i], a))
             };
             let corners: Vec<[DVec3; 3]> = level.leaves.targets.iter().enumerate().map(at).collect();
             before.with_corners(&corners)

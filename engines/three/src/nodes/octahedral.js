@@ -40,7 +40,7 @@ import { drawnOfImpostor } from "./shares.js";
 /** How far the views reach below the horizon, and the corrections of the height by the stored depth. */
 const BELOW = 0.5;
 const STEPS = 2;
-/** Light over the visible share of the sky. */
+/** Light over the stored openness. */
 const OPEN = 1.5;
 
 function viewDirection(tile, grid) {

@@ -5,7 +5,7 @@
 //! law by which they are blended, shifted by the stored depth.
 //!
 //! `cost` has the cost of drawing it. Eyes below the lowest views see the tree as from these. Roughness and translucency are not
-//! stored. The share of the sky that a leaf sees stands for the shadows of the other leaves. Error bound: none; the pictures are compared with the leaves. Depth has 8 bits of the tree's size; a leaf that lies behind others
+//! stored. The share of the light from above that a leaf gets stands for the shadows of the other leaves. Error bound: none; the pictures are compared with the leaves. Depth has 8 bits of the tree's size; a leaf that lies behind others
 //! in all three views is missing.
 //! Baking is O(views · triangles), the pages have `grid²·texels²` texels, whatever the tree. Deterministic on any number of threads.
 
@@ -138,7 +138,7 @@ pub struct Octahedral {
     pub frame: Frame,
     /// Base color of all views: sRGB with straight alpha. Alpha is coverage.
     pub color: Image,
-    /// x and y of the normals in the axes of each view, in [−1, 1] as codes; z ≥ 0 follows. Then the share of the sky that the leaf sees, and
+    /// x and y of the normals in the axes of each view, in [−1, 1] as codes; z ≥ 0 follows. Then two thirds of the share of the light from above that the leaf gets, and
     /// in alpha the depth toward the viewer, in [−1, 1] as codes.
     pub normal_depth: Image,
     /// Least alpha to draw, for engines that cut out instead of blending.
@@ -258,14 +258,14 @@ fn tuned(
     Ok((toned.base_color, cutoff))
 }
 
-/// Range of factors on the share of the sky that leaves see.
+/// Range of factors on the share of the light that leaves get.
 const OPENINGS: (f64, f64) = (0.25, 4.0);
 
 /// Greatest error of ln brightness under a sun.
 const BRIGHTNESS_ERROR: f64 = 0.01;
 
 /// Returns the page of normals and depth with the openness scaled until pictures under a sun are as bright as the leaves'. Without lit pictures of
-/// the leaves it stays. The share of the sky stands for shadows, and how much sun a crown lets through depends on its leaves.
+/// the leaves it stays. The share of the light stands for shadows, and how much sun a crown lets through depends on its leaves.
 fn opened(
     layout: &Layout,
     color: &Image,
