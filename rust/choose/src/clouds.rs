@@ -133,8 +133,8 @@ pub fn steps(wishes: &Wishes, epsilon: f64, levels: usize) -> Vec<CloudStep> {
     steps
 }
 
-/// Returns ε and size of clouds whose first ε is given: each has [`EPSILON_STEP`] times the ε of the one before, and the size at which it is expected to
-/// pass.
+/// Returns ε and size of each cloud, if the first ε is given: ε grows by [`EPSILON_STEP`] from cloud to cloud, and the yardstick is expected to pass
+/// each cloud at its size.
 #[must_use]
 pub fn given_steps(wishes: &Wishes, epsilon: f64, levels: usize) -> Vec<CloudStep> {
     let usual = USUAL * libm::pow(wishes.q(), BY_Q);

@@ -31,7 +31,7 @@ pub const LATER_CROWN: f64 = NEAREST / 6.0;
 const QUICK: f64 = 0.25;
 const LARGEST_OF_QUICK: f64 = 250.0;
 
-/// Settings of a chain whose levels quality chooses.
+/// The settings from which the levels of a chain are chosen by quality.
 #[derive(Clone, Debug)]
 pub struct Wishes {
     /// From 0 (fast) to 1 (exact).

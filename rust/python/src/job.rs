@@ -14,11 +14,11 @@ use pyo3::exceptions::PyTimeoutError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::chain::PyChain;
 use crate::cloud::{CloudInFrame, PyCloud};
 use crate::curve::PyCurve;
 use crate::errors::{Failure, read, refuse, shown};
 use crate::foliage::PyFoliage;
-use crate::levels::PyChain;
 use crate::options::Options;
 use crate::work::{self, OfThisProcess, PATIENCE, guard};
 

@@ -11,10 +11,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{self, point_groups};
+use crate::chain::{KeptArrays, kept_arrays};
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
 use crate::image_errors::{Pair, PyImageErrors, from_the_side, measured, reported};
-use crate::levels::{KeptArrays, kept_arrays};
 use crate::work::interruptible;
 
 #[pyclass(name = "LeafLevel", module = "leafcloud", frozen)]

@@ -7,6 +7,7 @@
 mod allocator;
 mod arrays;
 mod blend;
+mod chain;
 mod cloud;
 mod compression;
 mod curve;
@@ -16,7 +17,7 @@ mod image_errors;
 mod job;
 mod ktx2;
 mod leaf_level;
-mod levels;
+mod level;
 mod octahedral_level;
 mod options;
 mod pictures;
@@ -40,9 +41,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<foliage::PyFoliage>()?;
     module.add_class::<cloud::PyCloud>()?;
     module.add_class::<leaf_level::PyLeafLevel>()?;
-    module.add_class::<levels::PyLevel>()?;
+    module.add_class::<level::PyLevel>()?;
     module.add_class::<octahedral_level::PyOctahedralLevel>()?;
-    module.add_class::<levels::PyChain>()?;
+    module.add_class::<chain::PyChain>()?;
     module.add_class::<image_errors::PyImageErrors>()?;
     module.add_class::<yardstick::PyYardstick>()?;
     module.add_class::<curve::PyCurve>()?;
@@ -55,7 +56,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(job::start_chain, module)?)?;
     module.add_function(wrap_pyfunction!(job::cost_curve, module)?)?;
     module.add_function(wrap_pyfunction!(job::start_cost_curve, module)?)?;
-    module.add_function(wrap_pyfunction!(levels::share_pages, module)?)?;
+    module.add_function(wrap_pyfunction!(chain::share_pages, module)?)?;
     module.add_function(wrap_pyfunction!(trunk::simplify, module)?)?;
     module.add_function(wrap_pyfunction!(trunk::unrolled_uvs, module)?)?;
     module.add_function(wrap_pyfunction!(blend::blend_order, module)?)?;

@@ -10,7 +10,7 @@ use pyo3::types::PyDict;
 use crate::arrays::image_array;
 use crate::errors::{Failure, read};
 use crate::image_errors::{Pair, PyImageErrors, from_the_side, measured, reported};
-use crate::levels::PyLevel;
+use crate::level::PyLevel;
 use crate::tools::{cost_dict, sun_direction, upright, view};
 use crate::work::interruptible;
 
