@@ -17,7 +17,7 @@ use leafcloud::metrics::drawing_cost;
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
-use crate::clouds::{TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
+use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
 use crate::fewer::Whole;
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
@@ -49,6 +49,9 @@ const LEAST_CROWN: f64 = 16.0;
 /// Fragments that a level may draw over the leaves', for crowns of at least [`FEW_PIXELS`]. Triangles cost more than fragments in smaller ones.
 const MOST_FRAGMENTS: f64 = 1.25;
 const FEW_PIXELS: f64 = 100.0;
+
+/// Diameters of the crown in pixels at which chains are compared: half an octave apart, so that every octave of distances counts alike.
+const SIZES: [f64; 10] = [380.0, 270.0, 190.0, 135.0, 95.0, 67.0, 48.0, 34.0, 24.0, 17.0];
 
 /// A chain that is wanted.
 pub struct Wanted {
@@ -104,16 +107,15 @@ impl Wanted {
         progress.tell("measure", 0.0)?;
         let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
         let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
-        let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
-        let chosen = match wish {
-            None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
-                let choosing = progress.part(0.0, SHARE_OF_CHOICE);
-                for_scene(foliage, trunk, settings, wishes, &yardstick, [choosing, clouds])?
-            }
-            _ => built(foliage, trunk, settings, *wish, clouds)?,
-        };
         let tree = Tree { foliage, trunk, settings };
-        let judged = tree.judged(chosen, wishes, &yardstick, progress.part(SHARE_OF_CLOUDS, SHARE_OF_CLOUDS))?;
+        let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
+        let judged = match wish {
+            None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
+                let plan = Plan::new(&tree, wishes, &yardstick, progress.part(0.0, SHARE_OF_CHOICE))?;
+                tree.cheapest(&plan, wishes, &yardstick, clouds)?
+            }
+            _ => tree.judged(built(foliage, trunk, settings, *wish, clouds)?, wishes, &yardstick, clouds)?,
+        };
         tree.finished(judged, Some(wishes), *last, progress)
     }
 }
@@ -145,38 +147,50 @@ fn built(
     })
 }
 
-/// Chooses settings for the scene, and builds their chain.
-fn for_scene(
-    foliage: &Foliage,
-    trunk: Option<&Foliage>,
-    settings: &ChainSettings,
-    wishes: &Wishes,
-    yardstick: &Yardstick,
-    [choosing, clouds]: [Progress; 2],
-) -> Result<Chosen> {
-    let leaf_level = leaf_level(foliage, wishes, yardstick, settings, choosing.part(0.0, 0.4))?;
-    let origin = leaf_level.as_ref().map_or(Origin::of(foliage), |level| level.origin(foliage));
-    let (steps, tried) = if wishes.free {
-        // Billboards show the normals that leaves had before they collapsed.
-        let finest = origin.finest.with_normals();
-        let tried = tried_epsilons(wishes, yardstick, &finest, trunk, settings, choosing.part(0.4, 1.0))?;
-        let epsilon = tried.last().map_or(settings.fit.epsilon, |chosen| chosen.epsilon);
-        (steps(wishes, epsilon, settings.levels), tried)
-    } else {
-        (given_steps(wishes, settings.fit.epsilon, settings.levels), Vec::new())
-    };
-    let settings = ChainSettings { levels: steps.len(), steps, ..within_memory(settings, wishes) };
-    let chain = lod::build_chain_of(origin, trunk, &settings, clouds)?;
-    Ok(Chosen {
-        chain: Arc::new(chain),
-        offer: None,
-        leaf_levels: leaf_level.map(Arc::new).into_iter().collect(),
-        octahedral: None,
-        takes_over: Vec::new(),
-        plain: None,
-        tried,
-        q: wishes.q(),
-    })
+/// What is chosen before the clouds are built.
+struct Plan {
+    leaf_level: Option<Arc<LeafLevel>>,
+    tried: Vec<TriedEpsilon>,
+}
+
+impl Plan {
+    fn new(tree: &Tree, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Self> {
+        let Tree { foliage, trunk, settings } = *tree;
+        let leaf_level = leaf_level(foliage, wishes, yardstick, settings, progress.part(0.0, 0.4))?.map(Arc::new);
+        let mut tried = Vec::new();
+        if wishes.free {
+            // Billboards show the normals that leaves had before they collapsed.
+            let finest = origin(leaf_level.as_deref(), foliage).finest.with_normals();
+            tried = tried_epsilons(wishes, yardstick, &finest, trunk, settings, progress.part(0.4, 1.0))?;
+        }
+        Ok(Self { leaf_level, tried })
+    }
+
+    /// Builds the clouds from number `first` on.
+    fn built(&self, tree: &Tree, wishes: &Wishes, first: usize, progress: Progress) -> Result<Chosen> {
+        let Tree { foliage, trunk, settings } = *tree;
+        let steps = match self.tried.last() {
+            Some(chosen) => steps(wishes, chosen.epsilon, settings.levels, first),
+            None => given_steps(wishes, settings.fit.epsilon, settings.levels),
+        };
+        let settings = ChainSettings { levels: steps.len(), steps, ..within_memory(settings, wishes) };
+        let chain = lod::build_chain_of(origin(self.leaf_level.as_deref(), foliage), trunk, &settings, progress)?;
+        Ok(Chosen {
+            chain: Arc::new(chain),
+            offer: None,
+            leaf_levels: self.leaf_level.iter().map(Arc::clone).collect(),
+            octahedral: None,
+            takes_over: Vec::new(),
+            plain: None,
+            tried: self.tried.clone(),
+            q: wishes.q(),
+        })
+    }
+}
+
+/// Returns what clouds are built from.
+fn origin<'a>(leaf_level: Option<&'a LeafLevel>, foliage: &'a Foliage) -> Origin<'a> {
+    leaf_level.map_or(Origin::of(foliage), |level| level.origin(foliage))
 }
 
 /// Returns the settings with pages within the budget of memory, unless they are given.
@@ -207,6 +221,45 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
+    /// Builds the clouds for the plan, and finds where they take over. Where the first one would take over only at the size of the second, the
+    /// second is built from the leaves in its place, if the tree is then cheaper to draw.
+    fn cheapest(&self, plan: &Plan, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
+        let judged = |first: usize| {
+            let done = |tries: usize| 1.0 - libm::pow(0.5, tries as f64);
+            let part = progress.part(done(first), done(first + 1));
+            self.judged(plan.built(self, wishes, first, part)?, wishes, yardstick, part.part(1.0, 1.0))
+        };
+        let mut best = judged(0)?;
+        let choices = if plan.tried.is_empty() || self.settings.every_level { 1 } else { self.settings.levels };
+        for (first, crown) in CROWNS.into_iter().enumerate().take(choices).skip(1) {
+            let first_cloud = best.takes_over.get(best.leaf_levels.len());
+            if first_cloud.is_some_and(|cloud| cloud.crown >= crown) {
+                break;
+            }
+            let next = judged(first)?;
+            if self.cost(&next, wishes)? >= self.cost(&best, wishes)? {
+                break;
+            }
+            best = next;
+        }
+        Ok(best)
+    }
+
+    /// Returns the mean of the logarithm of the cost of drawing the tree over [`SIZES`].
+    fn cost(&self, chosen: &Chosen, wishes: &Wishes) -> Result<f64> {
+        let clouds = chosen.chain.levels.iter().filter(|level| !level.is_cross()).map(|level| drawn(level, wishes));
+        let clouds = clouds.collect::<Result<Vec<_>>>()?;
+        let leaves = std::iter::once(self.foliage).chain(chosen.leaf_levels.iter().map(|level| &level.leaves.foliage));
+        let levels: Vec<&Foliage> = leaves.chain(&clouds).collect();
+        let cost = |size: f64| {
+            let number = chosen.takes_over.iter().take_while(|passed| passed.crown >= size).count();
+            let scale = 0.5 * size / self.foliage.frame().radius;
+            let cost = drawing_cost(&[levels[number.min(levels.len() - 1)]], scale, self.settings.up, Progress::silent())?;
+            Ok(libm::log(cost.total()))
+        };
+        SIZES.into_iter().map(cost).sum::<Result<f64>>().map(|sum| sum / SIZES.len() as f64)
+    }
+
     /// Finds where leaves and clouds take over. Fewer leaves come before the clouds, where they look like the leaves.
     fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
         let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();

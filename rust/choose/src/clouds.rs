@@ -7,7 +7,7 @@
 
 use leafcloud::error::Result;
 use leafcloud::fit::{FitSettings, Method};
-use leafcloud::lod::{ChainSettings, CloudStep, Draft, Drafts, EPSILON_STEP, is_published};
+use leafcloud::lod::{ChainSettings, CloudStep, Draft, Drafts, EPSILON_STEP, STEP_IN_SCENES, is_published};
 use leafcloud::{Foliage, Progress};
 
 use crate::sway::{MOVE, motion};
@@ -34,7 +34,7 @@ const LARGEST_STEP: f64 = 2.5;
 const PIXELS: f64 = 10.0;
 
 /// Diameters of the crown in pixels for which clouds get texels.
-const CROWNS: [f64; 2] = [LARGEST_CROWN, 100.0];
+pub const CROWNS: [f64; 3] = [LARGEST_CROWN, 100.0, 40.0];
 
 /// Share of these at which later clouds are expected to pass.
 const EXPECTED: f64 = 0.95;
@@ -114,12 +114,12 @@ pub fn tried_epsilons(
     Ok(tried)
 }
 
-/// Returns ε and size of each cloud. `epsilon`: what q allows.
+/// Returns ε and size of each cloud, without those before number `first`. `epsilon`: what q allows.
 #[must_use]
-pub fn steps(wishes: &Wishes, epsilon: f64, levels: usize) -> Vec<CloudStep> {
+pub fn steps(wishes: &Wishes, epsilon: f64, levels: usize, first: usize) -> Vec<CloudStep> {
     let count = if wishes.sizes.is_empty() { levels } else { wishes.sizes.len() };
     let (mut steps, mut squares) = (Vec::new(), 0.0);
-    for number in 0..count {
+    for number in first..count {
         let coarser = 0.4 * steps.last().map_or(LARGEST_CROWN, |step: &CloudStep| step.crown_pixels);
         let usual = CROWNS.get(number).copied().unwrap_or(coarser);
         let crown_pixels = wishes.crown(number).unwrap_or(usual);
@@ -128,7 +128,8 @@ pub fn steps(wishes: &Wishes, epsilon: f64, levels: usize) -> Vec<CloudStep> {
         // Independent motions add up by their squares.
         let own = (allowed * allowed - squares).max(0.0).sqrt().max(LEAST_SHARE * epsilon).min(1.0);
         squares += own * own;
-        steps.push(CloudStep { epsilon: own, crown_pixels });
+        let share = libm::pow(STEP_IN_SCENES as f64, -(number as f64));
+        steps.push(CloudStep { epsilon: own, crown_pixels, share });
     }
     steps
 }
@@ -145,7 +146,8 @@ pub fn given_steps(wishes: &Wishes, epsilon: f64, levels: usize) -> Vec<CloudSte
         squares += own * own;
         let needed = squares.sqrt() / usual * MOVE;
         let passes = if needed <= MOVE { LARGEST_CROWN } else { (3.0 / needed).max(12.0) };
-        steps.push(CloudStep { epsilon: own, crown_pixels: wishes.crown(number).unwrap_or(passes) });
+        let crown_pixels = wishes.crown(number).unwrap_or(passes);
+        steps.push(CloudStep { epsilon: own, crown_pixels, share: 1.0 });
     }
     steps
 }
@@ -156,7 +158,7 @@ mod tests {
 
     #[test]
     fn clouds_together_deviate_as_much_as_the_breeze_moves_a_crown_of_their_size() {
-        let found = steps(&Wishes::default(), 0.04, 2);
+        let found = steps(&Wishes::default(), 0.04, 2, 0);
         let together = |count: usize| found[..count].iter().map(|step| step.epsilon.powi(2)).sum::<f64>().sqrt();
         let crowns: Vec<f64> = found.iter().map(|step| step.crown_pixels).collect();
         assert_eq!(crowns, [540.0, 100.0]);
@@ -168,7 +170,7 @@ mod tests {
     #[test]
     fn wished_sizes_are_kept() {
         let wishes = Wishes { sizes: vec![0.5, 0.25, 0.1], ..Wishes::default() };
-        let found: Vec<f64> = steps(&wishes, 0.04, 2).iter().map(|step| step.crown_pixels).collect();
+        let found: Vec<f64> = steps(&wishes, 0.04, 2, 0).iter().map(|step| step.crown_pixels).collect();
         assert_eq!(found, [540.0, 270.0, 108.0]);
     }
 

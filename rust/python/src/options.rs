@@ -194,7 +194,7 @@ impl<'py> Options<'py> {
     /// Reads ε and size of each cloud.
     fn steps(&self) -> PyResult<Vec<CloudStep>> {
         let pairs: Option<Vec<(f64, f64)>> = self.some("steps", "a list of (epsilon, crown_pixels)")?;
-        let step = |(epsilon, crown_pixels)| CloudStep { epsilon, crown_pixels };
+        let step = |(epsilon, crown_pixels)| CloudStep { epsilon, crown_pixels, share: 1.0 };
         Ok(pairs.unwrap_or_default().into_iter().map(step).collect())
     }
 

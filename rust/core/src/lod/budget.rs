@@ -25,7 +25,8 @@ const LEAST: usize = 500;
 
 /// Divisor of the triangles from one level to the next, at most.
 const STEP: usize = 3;
-const STEP_IN_SCENES: usize = 4;
+/// The same in a scene.
+pub const STEP_IN_SCENES: usize = 4;
 
 /// Largest share of level 1's triangles for the trunk.
 const TRUNK_SHARE: f64 = 0.25;
@@ -44,9 +45,11 @@ pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Folia
         (true, true) => (SHARE, MOST),
         (true, false) => (SHARE_OF_MODELLED, MOST),
     };
-    let wished = (share * (leaves.triangle_count() + trunk) as f64) as usize;
-    let most = most.min(leaves.triangle_count() * 3 / 4);
-    let first = wished.max(LEAST).min(most);
+    let of_size = settings.steps.first().map_or(1.0, |step| step.share);
+    let scaled = |count: usize| (of_size * count as f64) as usize;
+    let wished = scaled((share * (leaves.triangle_count() + trunk) as f64) as usize);
+    let most = scaled(most).min(leaves.triangle_count() * 3 / 4);
+    let first = wished.max(scaled(LEAST)).min(most);
     let larger = (WORTH_A_TRY * (first as f64) < most as f64).then_some(most);
     std::iter::once(first).chain(larger).map(without_trunk).collect()
 }

@@ -22,6 +22,7 @@ mod tune;
 mod worth;
 
 pub use billboards::billboards;
+pub use budget::STEP_IN_SCENES;
 pub use draft::{Draft, Drafts, settled_fit};
 pub use level::{Level, Seconds};
 pub use octahedral::Octahedral;

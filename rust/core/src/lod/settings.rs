@@ -53,6 +53,8 @@ pub struct CloudStep {
     pub epsilon: f64,
     /// Diameter of the crown in pixels where the cloud takes over.
     pub crown_pixels: f64,
+    /// For the first cloud: its budget of triangles, as a share of that of a cloud near the viewer. Later ones have a share of the cloud before.
+    pub share: f64,
 }
 
 /// Settings of a chain of levels. [`limits`] has the range of each number.
@@ -153,7 +155,7 @@ impl Default for ChainSettings {
     fn default() -> Self {
         Self {
             fit: FitSettings::default(),
-            levels: 2,
+            levels: 3,
             steps: Vec::new(),
             cross: true,
             upright_planes: 2,

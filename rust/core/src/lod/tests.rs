@@ -279,7 +279,7 @@ fn alpha_blended_leaves_are_not_cut_out() {
 
 #[test]
 fn steps_set_the_bound_and_the_size_of_each_cloud() {
-    let step = |epsilon, crown_pixels| CloudStep { epsilon, crown_pixels };
+    let step = |epsilon, crown_pixels| CloudStep { epsilon, crown_pixels, share: 1.0 };
     let settings = ChainSettings { steps: vec![step(0.05, 300.0), step(0.2, 60.0)], ..settings() };
     let chain = build_chain(&ball(300), None, &settings, Progress::silent()).unwrap();
     let clouds = &chain.levels[..2];
