@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use leafcloud::error::Result;
 use leafcloud::lod::{self, Chain, ChainSettings, LEAST_SAVING, Level, Octahedral, Origin, ViewCounts};
-use leafcloud::metrics::drawing_cost;
+use leafcloud::metrics::{DrawingCost, drawing_cost};
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
@@ -21,6 +21,7 @@ use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tr
 use crate::fewer::Whole;
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
+use crate::twigs::Twigs;
 use crate::wishes::{LARGEST_CROWN, LATER_CROWN, Wishes};
 use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 
@@ -29,6 +30,9 @@ const LARGEST_OF_IMPOSTORS: usize = 64;
 
 /// Greatest excess with which a cloud takes over that passes nowhere, where it is closest to passing. The bake says so.
 const NEARLY: f64 = 2.0;
+
+/// Side of the largest pictures for clouds after the first: they take over at up to [`LATER_CROWN`] pixels.
+const LARGEST_OF_LATER: usize = 256;
 
 /// Side of the largest pictures of a quick choice.
 const LARGEST_OF_QUICK: usize = 128;
@@ -84,6 +88,8 @@ pub struct Chosen {
     pub tried: Vec<TriedEpsilon>,
     /// Allowed FLIP over the control's.
     pub q: f64,
+    /// For each cloud, the triangles of the trunk that it shows.
+    pub twigs: Vec<Vec<u32>>,
 }
 
 impl Wanted {
@@ -144,6 +150,7 @@ fn built(
         plain: None,
         tried: Vec::new(),
         q: 1.0,
+        twigs: Vec::new(),
     })
 }
 
@@ -174,8 +181,13 @@ impl Plan {
             None => given_steps(wishes, settings.fit.epsilon, settings.levels),
         };
         let settings = ChainSettings { levels: steps.len(), steps, ..within_memory(settings, wishes) };
-        let chain = lod::build_chain_of(origin(self.leaf_level.as_deref(), foliage), trunk, &settings, progress)?;
+        let twigs = trunk.filter(|_| wishes.twigs).map(|trunk| Twigs::of(trunk, foliage, &settings.steps)).transpose()?;
+        let twigs = twigs.unwrap_or_default();
+        let origin = Origin { twigs: &twigs.foliage, ..origin(self.leaf_level.as_deref(), foliage) };
+        let chain = lod::build_chain_of(origin, trunk, &settings, progress)?;
+        let shown = |sets: &usize| twigs.triangles[..*sets].concat();
         Ok(Chosen {
+            twigs: chain.twigs.iter().map(shown).collect(),
             chain: Arc::new(chain),
             offer: None,
             leaf_levels: self.leaf_level.iter().map(Arc::clone).collect(),
@@ -245,17 +257,28 @@ impl Tree<'_> {
         Ok(best)
     }
 
+    /// Returns the yardstick for a cloud that shows these triangles of the trunk, too; `None` without any.
+    fn yardstick_with(&self, twigs: Option<&Vec<u32>>, is_later: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
+        let Some(twigs) = twigs.map(|twigs| self.wood(twigs)).transpose()?.flatten() else { return Ok(None) };
+        let Self { foliage, settings, .. } = self;
+        let largest = match (wishes.is_quick(), is_later) {
+            (true, _) => LARGEST_OF_QUICK,
+            (false, true) => LARGEST_OF_LATER,
+            (false, false) => LARGEST,
+        };
+        Yardstick::new(foliage, Some(&twigs), settings.up, settings.is_lit(), largest).map(Some)
+    }
+
     /// Returns the mean of the logarithm of the cost of drawing the tree over [`SIZES`].
     fn cost(&self, chosen: &Chosen, wishes: &Wishes) -> Result<f64> {
         let clouds = chosen.chain.levels.iter().filter(|level| !level.is_cross()).map(|level| drawn(level, wishes));
         let clouds = clouds.collect::<Result<Vec<_>>>()?;
         let leaves = std::iter::once(self.foliage).chain(chosen.leaf_levels.iter().map(|level| &level.leaves.foliage));
-        let levels: Vec<&Foliage> = leaves.chain(&clouds).collect();
+        let (levels, branches): (Vec<&Foliage>, _) = (leaves.chain(&clouds).collect(), Branches::of(self, chosen)?);
         let cost = |size: f64| {
-            let number = chosen.takes_over.iter().take_while(|passed| passed.crown >= size).count();
-            let scale = 0.5 * size / self.foliage.frame().radius;
-            let cost = drawing_cost(&[levels[number.min(levels.len() - 1)]], scale, self.settings.up, Progress::silent())?;
-            Ok(libm::log(cost.total()))
+            let number = chosen.takes_over.iter().take_while(|passed| passed.crown >= size).count().min(levels.len() - 1);
+            let level = branches.with(levels[number], number.checked_sub(levels.len() - clouds.len()));
+            Ok(libm::log(self.drawing_cost(&level, size)?.total()))
         };
         SIZES.into_iter().map(cost).sum::<Result<f64>>().map(|sum| sum / SIZES.len() as f64)
     }
@@ -265,17 +288,23 @@ impl Tree<'_> {
         let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
         let simplified = chosen.leaf_levels.first().map(Arc::clone);
         let mut before = simplified.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
+        let branches = Branches::of(self, &chosen)?;
         for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
             let most = takes_over.last().map_or(wishes.largest_crown(), |finer| finer.crown / LEAST_STEP);
             let most = if number == 0 { most } else { most.min(LATER_CROWN) };
             let shown = drawn(level, wishes)?;
+            let with_twigs = self.yardstick_with(chosen.twigs.get(number), number > 0, wishes)?;
+            let yardstick = with_twigs.as_ref().unwrap_or(yardstick);
             let passed =
                 yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
             let nearly = !passed.passes && passed.judged.excess(wishes.q()).0 <= NEARLY;
             let largest = if nearly { passed.judged.crown.min(most) } else { passed.crown };
             let crown = match wishes.crown(number) {
                 Some(crown) => crown,
-                None => self.cheaper_from(largest, &shown, &before)?,
+                None => {
+                    let finer = branches.with(&before, number.checked_sub(1));
+                    self.cheaper_from(largest, &branches.with(&shown, Some(number)), &finer, &branches)?
+                }
             };
             takes_over.push(Passed { crown, ..passed });
             before = shown;
@@ -313,7 +342,9 @@ impl Tree<'_> {
         let Some(before) = chosen.leaf_levels.last().filter(|level| level.kept.is_some()) else { return Ok(chosen) };
         let count = chosen.leaf_levels.len();
         if let (Some(passed), Some(cloud)) = (chosen.takes_over.get(count), chosen.chain.levels.first()) {
-            let mut most = self.cheaper_from(passed.crown, &drawn(cloud, wishes)?, &before.leaves.foliage)?;
+            let (cloud, branches) = (drawn(cloud, wishes)?, Branches::of(self, &chosen)?);
+            let (own, finer) = (branches.with(&cloud, Some(0)), branches.with(&before.leaves.foliage, None));
+            let mut most = self.cheaper_from(passed.crown, &own, &finer, &branches)?;
             for passed in &mut chosen.takes_over[count..] {
                 passed.crown = passed.crown.min(most);
                 most = passed.crown / LEAST_STEP;
@@ -324,14 +355,12 @@ impl Tree<'_> {
 
     /// Returns the largest diameter of the crown in pixels, up to `crown`, at which a level is cheaper to draw than the level before it, and, where
     /// fragments cost most, draws at most [`MOST_FRAGMENTS`] times those of the tree's own leaves.
-    fn cheaper_from(&self, crown: f64, level: &Foliage, before: &Foliage) -> Result<f64> {
+    fn cheaper_from(&self, crown: f64, level: &[&Foliage], before: &[&Foliage], branches: &Branches) -> Result<f64> {
+        let leaves = branches.with(self.foliage, None);
         let mut size = crown;
         while size > LEAST_CROWN {
-            let cost = |foliage: &Foliage| {
-                let scale = 0.5 * size / self.foliage.frame().radius;
-                drawing_cost(&[foliage], scale, self.settings.up, Progress::silent())
-            };
-            let (own, coarser, leaves) = (cost(level)?, cost(before)?, cost(self.foliage)?);
+            let cost = |parts: &[&Foliage]| self.drawing_cost(parts, size);
+            let (own, coarser, leaves) = (cost(level)?, cost(before)?, cost(&leaves)?);
             let few = size < FEW_PIXELS || own.fragments <= MOST_FRAGMENTS * leaves.fragments;
             if few && own.total() < (1.0 - LEAST_SAVING) * coarser.total() {
                 break;
@@ -339,6 +368,19 @@ impl Tree<'_> {
             size /= std::f64::consts::SQRT_2;
         }
         Ok(size.max(LEAST_CROWN.min(crown)))
+    }
+
+    /// Returns what parts cost to draw where the crown is `size` pixels large.
+    fn drawing_cost(&self, parts: &[&Foliage], size: f64) -> Result<DrawingCost> {
+        let scale = 0.5 * size / self.foliage.frame().radius;
+        drawing_cost(parts, scale, self.settings.up, Progress::silent())
+    }
+
+    /// Returns some triangles of the trunk; `None` without any.
+    fn wood(&self, triangles: &[u32]) -> Result<Option<Foliage>> {
+        let Some(trunk) = self.trunk.filter(|_| !triangles.is_empty()) else { return Ok(None) };
+        let corners: Vec<_> = triangles.iter().map(|&t| trunk.corners(t as usize)).collect();
+        trunk.part(triangles, &corners).map(Some)
     }
 
     /// Adds the octahedral impostor, and finds where the last level takes over.
@@ -375,17 +417,41 @@ impl Tree<'_> {
     }
 }
 
+/// The branches that some clouds show, as triangles of the trunk for the levels that do not show them.
+struct Branches {
+    /// For levels of leaves: all.
+    all: Option<Foliage>,
+    /// For each cloud.
+    left: Vec<Option<Foliage>>,
+}
+
+impl Branches {
+    fn of(tree: &Tree, chosen: &Chosen) -> Result<Self> {
+        let all = chosen.twigs.last().map_or(&[][..], Vec::as_slice);
+        // Each cloud shows those of the clouds before it first.
+        let left = |shown: &Vec<u32>| tree.wood(&all[shown.len()..]);
+        Ok(Self { all: tree.wood(all)?, left: chosen.twigs.iter().map(left).collect::<Result<_>>()? })
+    }
+
+    /// Returns a level with its branches. `cloud`: its number among the clouds; `None` for leaves.
+    fn with<'a>(&'a self, level: &'a Foliage, cloud: Option<usize>) -> Vec<&'a Foliage> {
+        let branches = cloud.map_or(Some(&self.all), |cloud| self.left.get(cloud));
+        std::iter::once(level).chain(branches.and_then(Option::as_ref)).collect()
+    }
+}
+
 /// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them.
 fn without_failing(chosen: Chosen, every_level: bool) -> Chosen {
-    let Chosen { chain, mut takes_over, .. } = chosen;
+    let Chosen { chain, mut takes_over, mut twigs, .. } = chosen;
     let mut chain = Arc::unwrap_or_clone(chain);
     let others = |chain: &Chain, takes_over: &[Passed]| takes_over.len() > 1 && chain.levels.len() > 1;
     while !every_level && others(&chain, &takes_over) && takes_over.last().is_some_and(|last| !last.passes) {
         takes_over.pop();
         let last = chain.levels.iter().rposition(|level| !level.is_cross());
         last.map(|last| chain.levels.remove(last));
+        twigs.pop();
     }
-    Chosen { chain: Arc::new(chain), takes_over, ..chosen }
+    Chosen { chain: Arc::new(chain), takes_over, twigs, ..chosen }
 }
 
 /// Returns a level as the renderer draws it.

@@ -52,7 +52,12 @@ impl LeafLevel {
     /// Returns the origin of the levels after this one. `leaves`: the tree's own.
     #[must_use]
     pub fn origin<'a>(&'a self, leaves: &'a Foliage) -> Origin<'a> {
-        Origin { leaves, finest: &self.leaves.foliage, deviation: self.leaves.deviation * leaves.frame().radius }
+        Origin {
+            leaves,
+            finest: &self.leaves.foliage,
+            deviation: self.leaves.deviation * leaves.frame().radius,
+            twigs: &[],
+        }
     }
 }
 

@@ -12,6 +12,7 @@ mod leaves;
 pub mod looks;
 mod scene;
 pub mod sway;
+mod twigs;
 mod wishes;
 pub mod yardstick;
 

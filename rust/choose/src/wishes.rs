@@ -48,6 +48,8 @@ pub struct Wishes {
     pub free: bool,
     /// The form of level 1.
     pub form: Form,
+    /// Whether clouds show thin branches. Their trunks then lack these.
+    pub twigs: bool,
 }
 
 impl Default for Wishes {
@@ -60,6 +62,7 @@ impl Default for Wishes {
             shares: false,
             free: true,
             form: Form::default(),
+            twigs: false,
         }
     }
 }

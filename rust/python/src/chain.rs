@@ -120,6 +120,11 @@ impl PyChain {
     }
 
     #[getter]
+    fn twigs<'py>(&self, py: Python<'py>) -> Vec<Bound<'py, PyArray1<u32>>> {
+        self.chosen.twigs.iter().map(|twigs| twigs.clone().into_pyarray(py)).collect()
+    }
+
+    #[getter]
     fn growth(&self) -> (f64, f64) {
         (self.chain().growth.first, self.chain().growth.second)
     }
@@ -164,7 +169,7 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
         let Chain {
-            left_out, ranks, pivots, growth, contrast, kept, whole, measuring_seconds, prepare_seconds, ..
+            left_out, ranks, pivots, growth, contrast, kept, whole, twigs, measuring_seconds, prepare_seconds, ..
         } = chain.as_ref();
         Chain {
             levels: Vec::new(),
@@ -175,6 +180,7 @@ fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
             contrast: *contrast,
             kept: kept.clone(),
             whole: whole.clone(),
+            twigs: twigs.clone(),
             measuring_seconds: *measuring_seconds,
             prepare_seconds: *prepare_seconds,
         }

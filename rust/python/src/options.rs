@@ -228,6 +228,7 @@ impl<'py> Options<'py> {
             scene: self.number("scene", default.scene)?,
             memory_budget: self.number("memory_budget", default.memory_budget)?,
             shares: self.flag("shares", default.shares)?,
+            twigs: self.flag("twigs", default.twigs)?,
             free: !self.0.as_ref().is_some_and(|options| options.contains("epsilon").unwrap_or(true)),
             form: match form.as_deref() {
                 None | Some("auto") => Form::Auto,

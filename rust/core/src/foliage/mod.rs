@@ -1,5 +1,6 @@
 //! Input of the core: triangles, their leaves and their materials, in a local frame.
 
+mod joined;
 mod leaves;
 pub(crate) mod mask;
 mod material;
@@ -56,8 +57,8 @@ pub struct Foliage {
     coverage: Arc<[OnceLock<Pyramid<u8>>]>,
     leaf_ids: Vec<u32>,
     leaf_count: usize,
-    /// Whether the foliage is leaves, which get labels on an atlas page. Trunks have none.
-    labelled: bool,
+    /// Number of triangles, from the first, that are leaves, which get labels on an atlas page. Trunks have none.
+    labelled: usize,
 }
 
 impl Foliage {
@@ -103,7 +104,7 @@ impl Foliage {
         } else {
             number_by_appearance(attributes.leaf_ids.iter())
         };
-        let coverage = unmade(&materials);
+        let (coverage, labelled) = (unmade(&materials), triangles.len());
         Ok(Self {
             frame,
             positions: local,
@@ -113,7 +114,7 @@ impl Foliage {
             coverage,
             leaf_ids,
             leaf_count,
-            labelled: true,
+            labelled,
         })
     }
 
@@ -181,12 +182,12 @@ impl Foliage {
 
     /// Returns the index of a triangle's material; `None` for a trunk.
     pub(crate) fn label_of_material(&self, triangle: usize) -> Option<usize> {
-        self.labelled.then(|| self.material_id(triangle))
+        (triangle < self.labelled).then(|| self.material_id(triangle))
     }
 
     /// Returns the same triangles as a trunk, without leaf labels.
     pub(crate) fn without_labels(&self) -> Self {
-        Self { labelled: false, ..self.clone() }
+        Self { labelled: 0, ..self.clone() }
     }
 
     fn material_id(&self, triangle: usize) -> usize {

@@ -75,8 +75,9 @@ impl Foliage {
         let positions: Vec<DVec3> = places.iter().flatten().map(|&p| self.frame.to_caller(p)).collect();
         let leaf_ids = corners.iter().map(|t| i64::from(self.leaf_ids[t[0] as usize / 3])).collect();
         let attributes = Attributes { leaf_ids, ..self.attributes.gathered(corners) };
+        let labelled = corners.iter().take_while(|t| (t[0] as usize / 3) < self.labelled).count();
         let faces = (0..places.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
         let made = Self::new(&positions, faces, attributes, self.materials.to_vec())?;
-        Ok(Self { coverage: Arc::clone(&self.coverage), labelled: self.labelled, ..made }.at(self.frame.placement))
+        Ok(Self { coverage: Arc::clone(&self.coverage), labelled, ..made }.at(self.frame.placement))
     }
 }

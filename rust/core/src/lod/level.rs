@@ -354,6 +354,19 @@ pub(super) fn tightened(
 }
 
 impl Level {
+    /// Keeps the planes and places of the first triangles of the level before, those of its own. The others are twigs, which do not move.
+    pub(super) fn keep_own(&mut self, triangles: usize) {
+        if let Some(cloud) = &mut self.cloud {
+            cloud.parents.truncate(triangles);
+            cloud.deviations.truncate(triangles);
+        }
+        if let Some(Projection { targets, pivots, pivot_targets }) = &mut self.projection {
+            targets.truncate(triangles);
+            pivots.truncate(triangles);
+            pivot_targets.truncate(triangles);
+        }
+    }
+
     /// Returns whether this level is the cross impostor.
     #[must_use]
     pub fn is_cross(&self) -> bool {

@@ -19,6 +19,7 @@ mod shared;
 mod size;
 mod tight;
 mod tune;
+mod twigs;
 mod worth;
 
 pub use billboards::billboards;
@@ -38,6 +39,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use self::twigs::Twigs;
 use self::worth::{Before, Made};
 use crate::error::{Error, Result};
 use crate::fit::FitSettings;
@@ -87,6 +89,8 @@ pub struct Chain {
     pub growth: Trend,
     /// κ: factor on the distance of pruned leaves' colors from their mean.
     pub contrast: Trend,
+    /// For each cloud, how many of [`Origin::twigs`] it shows.
+    pub twigs: Vec<usize>,
     /// The triangles of [`Origin::finest`] that level 1 is built from, without pruned and hidden leaves; `None` for all triangles, unchanged.
     pub kept: Option<Kept>,
     /// The renderings of all leaves and the trunk that the cross impostor is compared with; `None` without one, or if leaves are pruned.
@@ -106,13 +110,16 @@ pub struct Origin<'a> {
     pub finest: &'a Foliage,
     /// Deviation of `finest` from `leaves`, caller's units.
     pub deviation: f64,
+    /// Thin branches that clouds show beside the leaves: those of the first cloud, those that the second shows in addition, and so on. Within the
+    /// frame of the leaves.
+    pub twigs: &'a [Option<Foliage>],
 }
 
 impl<'a> Origin<'a> {
     /// Returns the origin of a chain that is built from the leaves themselves.
     #[must_use]
     pub fn of(leaves: &'a Foliage) -> Self {
-        Self { leaves, finest: leaves, deviation: 0.0 }
+        Self { leaves, finest: leaves, deviation: 0.0, twigs: &[] }
     }
 }
 
@@ -142,7 +149,7 @@ pub fn build_chain_of(
 ) -> Result<Chain> {
     settings.check()?;
     let started = Instant::now();
-    let Origin { leaves: whole, finest: foliage, deviation } = origin;
+    let Origin { leaves: whole, finest: foliage, deviation, twigs } = origin;
     let frame = *whole.frame();
     trunk.map_or(Ok(()), |trunk| check_trunk(trunk.frame(), &frame))?;
     let mut seconds = MeasuringSeconds::default();
@@ -159,7 +166,7 @@ pub fn build_chain_of(
     // Leaves that are hidden are still seen a little and shade the others; pruned ones are gone.
     let shown = if keep.is_some() { foliage } else { whole };
     measuring.tell("measure", 0.0)?;
-    let references = References::new(&[shown], &[whole], &frame, settings)?;
+    let mut references = References::new(&[shown], &[whole], &frame, settings)?;
     let channels = settings.channels.completed();
     let trunk = trunk.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(shown).chain(&trunk).collect();
@@ -171,10 +178,19 @@ pub fn build_chain_of(
     let mut made = Made::default();
     // ε grows from candidate to candidate, whether they are made or not.
     let mut epsilon = None;
+    let (mut twigs, mut shown_twigs, mut all) = (Twigs::new(twigs), Vec::new(), None);
     for index in 0..settings.levels {
         let before = made.levels.last().map(Level::foliage).transpose()?;
         let finer = before.as_ref().unwrap_or(foliage);
-        let of_leaves = before.is_none();
+        let (of_leaves, own_triangles) = (before.is_none(), finer.triangle_count());
+        if twigs.add(index) {
+            all = twigs.with_all(shown);
+            let report = twigs.with_all(whole);
+            let [shown, whole] = [(&all, shown), (&report, whole)].map(|(with, without)| with.as_ref().unwrap_or(without));
+            references = References::new(&[shown], &[whole], &frame, settings)?;
+        }
+        let with_twigs = twigs.with(finer);
+        let finer = with_twigs.as_ref().unwrap_or(finer);
         let fit = settings.fit_of(index, epsilon);
         let whole_leaves = if of_leaves { settings.fit.whole_leaves } else { fit.whole_leaves };
         let fit = FitSettings { whole_leaves, ..fit };
@@ -184,7 +200,7 @@ pub fn build_chain_of(
         }
         let mut step = level::Step {
             finer,
-            leaves: shown,
+            leaves: all.as_ref().unwrap_or(shown),
             opacity,
             radius: frame.radius,
             index,
@@ -212,6 +228,8 @@ pub fn build_chain_of(
         epsilon = made.add(candidates, &before, index + 1 == count, settings, share(index).part(found, found))?;
         if made.levels.len() > finer_levels {
             made.refine_last(|level| refine::refined(level, &step, settings, share(index).part(found, 1.0)))?;
+            shown_twigs.push(twigs.shown(index));
+            made.levels.last_mut().map(|level| level.keep_own(own_triangles));
         }
     }
     let mut whole_tree = None;
@@ -235,6 +253,7 @@ pub fn build_chain_of(
         contrast,
         kept,
         whole: whole_tree,
+        twigs: shown_twigs,
         measuring_seconds: seconds,
         prepare_seconds,
     })

@@ -1,0 +1,143 @@
+//! Which branches are thin enough to be shown by clouds.
+//!
+//! A trunk of a few hundred triangles has lost its twigs, and with them up to a tenth of what a tree covers (a birch: color 0.02 off). Most triangles of a
+//! trunk are in branches that are a pixel or two wide where a cloud takes over: there a cloud shows them as well as it shows leaves.
+//!
+//! The parts of a trunk are its connected components. The width of a part is that of a tube of its area and length, `area / (π · length)`. Known
+//! limit: branches that are one mesh with the stem stay with it. O(triangles).
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+use leafcloud::Foliage;
+use leafcloud::error::Result;
+use leafcloud::lod::CloudStep;
+
+/// Width of a branch in pixels, where the cloud takes over, up to which the cloud shows it.
+const WIDTH: f64 = 2.0;
+
+/// Length of the pieces that branches are cut into, in R: each lies on a plane of its own, as leaves do. Whole branches would need large billboards.
+const PIECE: f64 = 0.1;
+
+/// Twigs for clouds.
+#[derive(Clone, Debug, Default)]
+pub struct Twigs {
+    /// For each cloud those that it shows and the cloud before does not.
+    pub foliage: Vec<Option<Foliage>>,
+    /// Their triangles of the trunk.
+    pub triangles: Vec<Vec<u32>>,
+}
+
+impl Twigs {
+    /// Returns the twigs of a trunk for each cloud: branches within the leaves' frame that are at most [`WIDTH`] pixels wide where it takes over.
+    ///
+    /// # Errors
+    /// Those of [`Foliage::part`].
+    pub fn of(trunk: &Foliage, leaves: &Foliage, steps: &[CloudStep]) -> Result<Self> {
+        let mut twigs = Self::default();
+        let mut before = 0.0;
+        for step in steps {
+            let widest = 2.0 * WIDTH / step.crown_pixels;
+            let mut found: Vec<u32> = Vec::new();
+            for part in trunk.leaves().iter() {
+                let width = width(trunk, leaves, part);
+                if width > before && width <= widest {
+                    found.extend(part);
+                }
+            }
+            let foliage = if found.is_empty() { None } else { Some(pieces(trunk, leaves, &found)?) };
+            twigs.foliage.push(foliage);
+            twigs.triangles.push(found);
+            before = widest;
+        }
+        Ok(twigs)
+    }
+}
+
+/// Returns the width of a part in R of the leaves; infinite if it reaches out of their frame.
+fn width(trunk: &Foliage, leaves: &Foliage, part: &[u32]) -> f64 {
+    let (mut low, mut high, mut area) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
+    for &triangle in part {
+        let [a, b, c] = in_leaves(trunk, leaves, triangle);
+        if [a, b, c].iter().any(|p| p.length() > 1.0) {
+            return f64::INFINITY;
+        }
+        (low, high) = (low.min(a).min(b).min(c), high.max(a).max(b).max(c));
+        area += 0.5 * (b - a).cross(c - a).length();
+    }
+    area / (PI * (high - low).length()).max(f64::MIN_POSITIVE)
+}
+
+fn in_leaves(trunk: &Foliage, leaves: &Foliage, triangle: u32) -> [DVec3; 3] {
+    trunk.corners(triangle as usize).map(|p| leaves.frame().to_local(trunk.frame().to_caller(p)))
+}
+
+/// Returns triangles of the trunk, each branch cut into pieces across its longest side.
+fn pieces(trunk: &Foliage, leaves: &Foliage, triangles: &[u32]) -> Result<Foliage> {
+    let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| trunk.corners(t as usize)).collect();
+    let part = trunk.part(triangles, &corners)?.double_sided();
+    let mut numbers = vec![0i64; part.triangle_count()];
+    let mut next = 0;
+    for branch in part.leaves().iter() {
+        let middle = |t: u32| in_leaves(&part, leaves, t).into_iter().sum::<DVec3>() / 3.0;
+        let bounds = |(low, high): (DVec3, DVec3), &t: &u32| (low.min(middle(t)), high.max(middle(t)));
+        let (low, high) = branch.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), bounds);
+        let axis = (high - low).max_position();
+        for &t in branch {
+            numbers[t as usize] = next + ((middle(t)[axis] - low[axis]) / PIECE) as i64;
+        }
+        next += ((high - low)[axis] / PIECE) as i64 + 1;
+    }
+    Ok(part.with_leaves(&numbers))
+}
+
+#[cfg(test)]
+mod tests {
+    use leafcloud::Attributes;
+
+    use super::*;
+
+    /// Upright strips of these widths and heights on the ground, side by side.
+    fn strips(sizes: &[(f64, f64)]) -> Foliage {
+        let corner = |i: usize, (width, height): (f64, f64)| {
+            let x = 0.07 * i as f64;
+            [(x, 0.0), (x + width, 0.0), (x + width, height), (x, height)].map(|(x, z)| DVec3::new(x, 0.0, z))
+        };
+        let positions: Vec<DVec3> = sizes.iter().enumerate().flat_map(|(i, &size)| corner(i, size)).collect();
+        let faces = (0..sizes.len() as u32).flat_map(|i| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]]);
+        Foliage::new(&positions, faces.collect(), Attributes::default(), vec![]).unwrap()
+    }
+
+    /// A square whose frame has its center at the origin and R = 1.
+    fn leaves() -> Foliage {
+        let half = 0.5f64.sqrt();
+        let corners = [(-half, -half), (half, -half), (half, half), (-half, half)].map(|(x, y)| DVec3::new(x, y, 0.0));
+        Foliage::new(&corners, vec![[0, 1, 2], [0, 2, 3]], Attributes::default(), vec![]).unwrap()
+    }
+
+    fn step(crown_pixels: f64) -> CloudStep {
+        CloudStep { epsilon: 0.04, crown_pixels, share: 1.0 }
+    }
+
+    #[test]
+    fn clouds_show_the_branches_that_are_thin_where_they_take_over() {
+        // Widths by hand: a strip of width w has the area of a tube of width w / π, a little less by its diagonal.
+        let trunk = strips(&[(0.01, 0.5), (0.05, 0.5), (0.3, 0.5), (0.01, 1.5)]);
+        let found = Twigs::of(&trunk, &leaves(), &[step(400.0), step(100.0)]).unwrap();
+        assert_eq!(found.triangles, [vec![0, 1], vec![2, 3]], "0.3 is wide, and 1.5 leaves the frame");
+    }
+
+    #[test]
+    fn branches_are_cut_into_pieces() {
+        let found = Twigs::of(&strips(&[(0.01, 0.9), (0.01, 0.05)]), &leaves(), &[step(400.0)]).unwrap();
+        // The middles of the first strip's two triangles lie at a third and two thirds of its height: three tenths apart.
+        let twigs = found.foliage[0].as_ref().unwrap();
+        assert_eq!((twigs.triangle_count(), twigs.leaf_ids()), (4, &[0, 1, 2, 2][..]));
+    }
+
+    #[test]
+    fn a_trunk_without_thin_branches_has_no_twigs() {
+        let found = Twigs::of(&strips(&[(0.3, 0.5)]), &leaves(), &[step(400.0)]).unwrap();
+        assert!(found.foliage[0].is_none() && found.triangles[0].is_empty());
+    }
+}
