@@ -166,7 +166,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
-        **core_wishes(settings, level_1_form(prepared)),
+        **core_wishes(settings, level_1_form(prepared), twigs=bool(is_on(prepared.effects, "trunk_levels"))),
         last=last_form(prepared),
         **chain_options(settings, prepared.facts, prepared.effects),
     )

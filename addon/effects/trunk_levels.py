@@ -1,4 +1,7 @@
-"""Trunk levels: for each cloud a trunk with the triangles that are seen through its leaves."""
+"""Trunk levels: for each cloud a trunk with the triangles that are seen through its leaves.
+
+Where quality decides, clouds may show thin branches themselves (`leafcloud.build_chain`, `twigs`).
+"""
 
 from __future__ import annotations
 

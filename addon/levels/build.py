@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import bpy
+import numpy as np
 
 import leafcloud
 
@@ -101,7 +102,9 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
         limits = trunk_limits(triangles[leaf_levels : len(near)], whole_tree, build.schedule.triangles)
         # Beside leaves only the picture limits the trunk.
         limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
-        views = [TrunkView(*view) for view in zip(near, pixels, limits, strict=False)]
+        none = np.empty(0, np.uint32)
+        twigs = [none] * leaf_levels + (build.chain.twigs or [none] * len(build.chain.clouds))
+        views = [TrunkView(*view) for view in zip(near, pixels, limits, twigs, strict=False)]
         coarser = simplified(first, unrolled(tree.trunk), tree.matrix, views)
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *impostors]

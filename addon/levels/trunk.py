@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -41,12 +41,13 @@ class TrunkView:
     """How a level's trunk is seen where the level appears.
 
     level: the leaves or the cloud that hide parts of the trunk. pixel: side of a pixel on the tree, world units.
-    limit: maximum number of triangles.
+    limit: maximum number of triangles. twigs: triangles of the trunk that the cloud shows itself, ascending or not.
     """
 
     level: leafcloud.LeafLevel | leafcloud.Level
     pixel: float
     limit: int
+    twigs: NDArray[np.integer[Any]] = field(default_factory=lambda: np.empty(0, np.uint32))
 
 
 def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
@@ -81,20 +82,26 @@ def simplified(
     `unrolled`. `matrix`: (4, 4) from the geometry to the world.
 
     Each trunk is made from `geometry`, so changes do not add up. If one has no fewer triangles than the one before, or
-    that one has few beside the level's leaves, that one is used again. A new mesh is named after `first` and its level.
+    that one has few beside the level's leaves, that one is used again, unless the cloud shows more twigs than the one
+    before. A new mesh is named after `first` and its level.
     """
-    result = [first]
+    result, twigs = [first], 0
     positions = world_positions(geometry, matrix)
     for number, view in enumerate(views, start=1):
-        before = result[-1]
-        few = before.triangles <= min(view.limit, WHOLE_SHARE * view.level.triangles)
-        found = None if few else _simplify(geometry, positions, view)
-        if found is None or len(found.corners) >= before.triangles:
+        before, same = result[-1], len(view.twigs) == twigs
+        most = min(view.limit, WHOLE_SHARE * view.level.triangles)
+        if same and before.triangles <= most:
             result.append(before)
             continue
-        left = outward(gathered(geometry, found.corners), geometry, found.corners)
-        mesh = geometry_mesh(f"{first.name}_{number}", left) if len(found.corners) else None
-        result.append(Trunk(first.name, mesh, len(found.corners), found.change, _nbytes(left), found.corners))
+        branches = np.setdiff1d(np.arange(len(geometry.triangles), dtype=np.uint32), view.twigs)
+        corners, change = _simplified(geometry, branches, positions, view, most)
+        if same and len(corners) >= before.triangles:
+            result.append(before)
+            continue
+        left = outward(gathered(geometry, corners), geometry, corners)
+        mesh = geometry_mesh(f"{first.name}_{number}", left) if len(corners) else None
+        result.append(Trunk(first.name, mesh, len(corners), change, _nbytes(left), corners))
+        twigs = len(view.twigs)
     return result[1:]
 
 
@@ -149,16 +156,29 @@ def _nbytes(geometry: Geometry) -> int:
     return used + sum(array.nbytes for array in arrays if array is not None)
 
 
-def _simplify(geometry: Geometry, positions: NDArray[np.float64], view: TrunkView) -> leafcloud.Simplified:
-    return leafcloud.simplify(
+def _simplified(
+    geometry: Geometry,
+    branches: NDArray[np.uint32],
+    positions: NDArray[np.float64],
+    view: TrunkView,
+    most: float,
+) -> tuple[NDArray[np.uint32], float]:
+    """Return the kept corners (n, 3) of `branches`, triangles of the trunk, and the change of the level's picture.
+
+    At most `most` triangles beside twigs on a cloud stay as they are.
+    """
+    if len(branches) < len(geometry.triangles) and len(branches) <= most:
+        return 3 * branches[:, None] + np.arange(3, dtype=np.uint32), 0.0
+    found = leafcloud.simplify(
         positions,
-        geometry.triangles,
+        geometry.triangles[branches],
         leaves=view.level.foliage(),
         pixel=view.pixel,
         change=CHANGE,
         most=view.limit,
-        uvs=geometry.uvs,
-        normals=geometry.normals,
-        colors=geometry.colors,
-        material_ids=geometry.material_ids,
+        uvs=None if geometry.uvs is None else geometry.uvs[branches],
+        normals=geometry.normals[branches],
+        colors=None if geometry.colors is None else geometry.colors[branches],
+        material_ids=geometry.material_ids[branches],
     )
+    return 3 * branches[found.corners // 3] + found.corners % 3, found.change

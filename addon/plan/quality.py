@@ -29,6 +29,7 @@ class Wishes(TypedDict, total=False):
     sizes: Sequence[float]
     shares: bool
     form: Form
+    twigs: bool
 
 
 def decides_distances(settings: BakeSettings) -> bool:
@@ -36,8 +37,11 @@ def decides_distances(settings: BakeSettings) -> bool:
     return settings.pixels is None
 
 
-def core_wishes(settings: BakeSettings, form: Form) -> Wishes:
-    """Return the options for the choice by quality; empty if `pixels` decides. `form`: allowed forms of level 1."""
+def core_wishes(settings: BakeSettings, form: Form, *, twigs: bool) -> Wishes:
+    """Return the options for the choice by quality; empty if `pixels` decides.
+
+    `form`: allowed forms of level 1. `twigs`: clouds may show thin branches.
+    """
     if not decides_distances(settings):
         return {}
     return Wishes(
@@ -47,6 +51,7 @@ def core_wishes(settings: BakeSettings, form: Form) -> Wishes:
         sizes=settings.sizes,
         shares=settings.engine in DRAW_SHARES,
         form=form,
+        twigs=twigs,
     )
 
 

@@ -52,11 +52,11 @@ def test_wished_sizes_are_fractions_of_the_picture_and_others_are_measured() -> 
 
 
 def test_set_pixels_replace_quality() -> None:
-    assert core_wishes(BakeSettings(pixels=8.0), "auto") == {}
+    assert core_wishes(BakeSettings(pixels=8.0), "auto", twigs=True) == {}
 
 
 def test_engines_whose_packages_draw_shares_are_judged_so() -> None:
-    generic, three = (core_wishes(BakeSettings(engine=engine), "auto") for engine in ("generic", "three"))
+    generic, three = (core_wishes(BakeSettings(engine=engine), "auto", twigs=True) for engine in ("generic", "three"))
     assert (generic["shares"], three["shares"]) == (False, True)
     assert (generic["scene"], generic["memory_budget"], generic["quality"]) == (50.0, 4.0, 0.5)
 

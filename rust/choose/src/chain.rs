@@ -12,16 +12,16 @@
 use std::sync::Arc;
 
 use leafcloud::error::Result;
-use leafcloud::lod::{self, Chain, ChainSettings, LEAST_SAVING, Level, Octahedral, Origin, ViewCounts};
-use leafcloud::metrics::{DrawingCost, drawing_cost};
+use leafcloud::lod::{self, Chain, ChainSettings, Level, Octahedral, Origin, ViewCounts};
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
+use crate::costs::Costs;
 use crate::fewer::Whole;
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
-use crate::twigs::Twigs;
+use crate::twigs::{Twigs, thin_branches, wood};
 use crate::wishes::{LARGEST_CROWN, LATER_CROWN, Wishes};
 use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 
@@ -46,16 +46,6 @@ const SHARE_OF_CLOUDS: f64 = 0.85;
 
 /// Most levels after the leaves: each is a mesh and a hand-over more in the file.
 const MOST_LEVELS: usize = 5;
-
-/// Diameter of the crown in pixels where a level takes over at the latest.
-const LEAST_CROWN: f64 = 16.0;
-
-/// Fragments that a level may draw over the leaves', for crowns of at least [`FEW_PIXELS`]. Triangles cost more than fragments in smaller ones.
-const MOST_FRAGMENTS: f64 = 1.25;
-const FEW_PIXELS: f64 = 100.0;
-
-/// Diameters of the crown in pixels at which chains are compared: half an octave apart, so that every octave of distances counts alike.
-const SIZES: [f64; 10] = [380.0, 270.0, 190.0, 135.0, 95.0, 67.0, 48.0, 34.0, 24.0, 17.0];
 
 /// A chain that is wanted.
 pub struct Wanted {
@@ -104,7 +94,7 @@ impl Wanted {
         let Some(wishes) = wishes else {
             let clouds = progress.part(0.0, if *last == Last::Cross { 1.0 } else { SHARE_OF_CLOUDS });
             let built = built(foliage, trunk, settings, *wish, clouds)?;
-            return Tree { foliage, trunk, settings }.finished(built, None, *last, progress);
+            return Tree { foliage, trunk, settings, thin: Vec::new() }.finished(built, None, *last, progress);
         };
         wishes.check()?;
         let settings = if wishes.is_quick() { with_fewer_views(settings) } else { settings.clone() };
@@ -113,7 +103,8 @@ impl Wanted {
         progress.tell("measure", 0.0)?;
         let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
         let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
-        let tree = Tree { foliage, trunk, settings };
+        let thin = trunk.filter(|_| wishes.twigs).map(|trunk| thin_branches(trunk, foliage, CROWNS[CROWNS.len() - 1]));
+        let tree = Tree { foliage, trunk, settings, thin: thin.unwrap_or_default() };
         let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
         let judged = match wish {
             None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
@@ -162,7 +153,7 @@ struct Plan {
 
 impl Plan {
     fn new(tree: &Tree, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Self> {
-        let Tree { foliage, trunk, settings } = *tree;
+        let Tree { foliage, trunk, settings, .. } = *tree;
         let leaf_level = leaf_level(foliage, wishes, yardstick, settings, progress.part(0.0, 0.4))?.map(Arc::new);
         let mut tried = Vec::new();
         if wishes.free {
@@ -173,15 +164,15 @@ impl Plan {
         Ok(Self { leaf_level, tried })
     }
 
-    /// Builds the clouds from number `first` on.
-    fn built(&self, tree: &Tree, wishes: &Wishes, first: usize, progress: Progress) -> Result<Chosen> {
-        let Tree { foliage, trunk, settings } = *tree;
+    /// Builds the clouds from number `first` on, with or without thin branches.
+    fn built(&self, tree: &Tree, wishes: &Wishes, first: usize, twigs: bool, progress: Progress) -> Result<Chosen> {
+        let Tree { foliage, trunk, settings, .. } = *tree;
         let steps = match self.tried.last() {
             Some(chosen) => steps(wishes, chosen.epsilon, settings.levels, first),
             None => given_steps(wishes, settings.fit.epsilon, settings.levels),
         };
         let settings = ChainSettings { levels: steps.len(), steps, ..within_memory(settings, wishes) };
-        let twigs = trunk.filter(|_| wishes.twigs).map(|trunk| Twigs::of(trunk, foliage, &settings.steps)).transpose()?;
+        let twigs = trunk.filter(|_| twigs).map(|trunk| Twigs::of(trunk, foliage, &settings.steps)).transpose()?;
         let twigs = twigs.unwrap_or_default();
         let origin = Origin { twigs: &twigs.foliage, ..origin(self.leaf_level.as_deref(), foliage) };
         let chain = lod::build_chain_of(origin, trunk, &settings, progress)?;
@@ -198,6 +189,11 @@ impl Plan {
             q: wishes.q(),
         })
     }
+}
+
+/// Returns the diameter of the crown in pixels where the first cloud takes over.
+fn first_cloud(chosen: &Chosen) -> Option<f64> {
+    chosen.takes_over.get(chosen.leaf_levels.len()).map(|passed| passed.crown)
 }
 
 /// Returns what clouds are built from.
@@ -230,22 +226,43 @@ struct Tree<'a> {
     foliage: &'a Foliage,
     trunk: Option<&'a Foliage>,
     settings: &'a ChainSettings,
+    /// The triangles of the thin branches that clouds may show.
+    thin: Vec<u32>,
 }
 
 impl Tree<'_> {
-    /// Builds the clouds for the plan, and finds where they take over. Where the first one would take over only at the size of the second, the
-    /// second is built from the leaves in its place, if the tree is then cheaper to draw.
+    /// Builds the clouds for the plan with thin branches; if they take over late then, without them, too. Returns the clouds with which the tree is
+    /// cheaper to draw.
     fn cheapest(&self, plan: &Plan, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
+        let [with, without] = [(0.0, 0.5), (0.5, 1.0)].map(|(from, to)| progress.part(from, to));
+        let twigs = !self.thin.is_empty();
+        let best = self.cheapest_of(plan, twigs, wishes, yardstick, with)?;
+        if !twigs || first_cloud(&best).is_some_and(|crown| crown >= CROWNS[1]) {
+            return Ok(best);
+        }
+        let other = self.cheapest_of(plan, false, wishes, yardstick, without)?;
+        Ok(if self.cost(&other, wishes)? < self.cost(&best, wishes)? { other } else { best })
+    }
+
+    /// Builds the clouds, and finds where they take over. Where the first one would take over only at the size of the second, the second is built
+    /// from the leaves in its place, if the tree is then cheaper to draw.
+    fn cheapest_of(
+        &self,
+        plan: &Plan,
+        twigs: bool,
+        wishes: &Wishes,
+        yardstick: &Yardstick,
+        progress: Progress,
+    ) -> Result<Chosen> {
         let judged = |first: usize| {
             let done = |tries: usize| 1.0 - libm::pow(0.5, tries as f64);
             let part = progress.part(done(first), done(first + 1));
-            self.judged(plan.built(self, wishes, first, part)?, wishes, yardstick, part.part(1.0, 1.0))
+            self.judged(plan.built(self, wishes, first, twigs, part)?, wishes, yardstick, part.part(1.0, 1.0))
         };
         let mut best = judged(0)?;
         let choices = if plan.tried.is_empty() || self.settings.every_level { 1 } else { self.settings.levels };
         for (first, crown) in CROWNS.into_iter().enumerate().take(choices).skip(1) {
-            let first_cloud = best.takes_over.get(best.leaf_levels.len());
-            if first_cloud.is_some_and(|cloud| cloud.crown >= crown) {
+            if first_cloud(&best).is_some_and(|found| found >= crown) {
                 break;
             }
             let next = judged(first)?;
@@ -258,8 +275,8 @@ impl Tree<'_> {
     }
 
     /// Returns the yardstick for a cloud that shows these triangles of the trunk, too; `None` without any.
-    fn yardstick_with(&self, twigs: Option<&Vec<u32>>, is_later: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
-        let Some(twigs) = twigs.map(|twigs| self.wood(twigs)).transpose()?.flatten() else { return Ok(None) };
+    fn yardstick_with(&self, twigs: &[u32], is_later: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
+        let Some(twigs) = wood(self.trunk, twigs)? else { return Ok(None) };
         let Self { foliage, settings, .. } = self;
         let largest = match (wishes.is_quick(), is_later) {
             (true, _) => LARGEST_OF_QUICK,
@@ -269,18 +286,15 @@ impl Tree<'_> {
         Yardstick::new(foliage, Some(&twigs), settings.up, settings.is_lit(), largest).map(Some)
     }
 
-    /// Returns the mean of the logarithm of the cost of drawing the tree over [`SIZES`].
+    fn costs(&self, chosen: &Chosen) -> Result<Costs<'_>> {
+        Costs::of(self.foliage, self.trunk, &self.thin, self.settings.up, chosen)
+    }
+
+    /// Returns the mean of the logarithm of the cost of drawing the tree ([`Costs::mean`]).
     fn cost(&self, chosen: &Chosen, wishes: &Wishes) -> Result<f64> {
         let clouds = chosen.chain.levels.iter().filter(|level| !level.is_cross()).map(|level| drawn(level, wishes));
-        let clouds = clouds.collect::<Result<Vec<_>>>()?;
         let leaves = std::iter::once(self.foliage).chain(chosen.leaf_levels.iter().map(|level| &level.leaves.foliage));
-        let (levels, branches): (Vec<&Foliage>, _) = (leaves.chain(&clouds).collect(), Branches::of(self, chosen)?);
-        let cost = |size: f64| {
-            let number = chosen.takes_over.iter().take_while(|passed| passed.crown >= size).count().min(levels.len() - 1);
-            let level = branches.with(levels[number], number.checked_sub(levels.len() - clouds.len()));
-            Ok(libm::log(self.drawing_cost(&level, size)?.total()))
-        };
-        SIZES.into_iter().map(cost).sum::<Result<f64>>().map(|sum| sum / SIZES.len() as f64)
+        self.costs(chosen)?.mean(&leaves.collect::<Vec<_>>(), &clouds.collect::<Result<Vec<_>>>()?, chosen)
     }
 
     /// Finds where leaves and clouds take over. Fewer leaves come before the clouds, where they look like the leaves.
@@ -288,12 +302,17 @@ impl Tree<'_> {
         let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
         let simplified = chosen.leaf_levels.first().map(Arc::clone);
         let mut before = simplified.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
-        let branches = Branches::of(self, &chosen)?;
+        let costs = self.costs(&chosen)?;
+        let (mut twigs_before, mut with_twigs) = (0, None);
         for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
             let most = takes_over.last().map_or(wishes.largest_crown(), |finer| finer.crown / LEAST_STEP);
             let most = if number == 0 { most } else { most.min(LATER_CROWN) };
             let shown = drawn(level, wishes)?;
-            let with_twigs = self.yardstick_with(chosen.twigs.get(number), number > 0, wishes)?;
+            let twigs = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
+            if twigs.len() > twigs_before {
+                with_twigs = self.yardstick_with(twigs, number > 0, wishes)?;
+                twigs_before = twigs.len();
+            }
             let yardstick = with_twigs.as_ref().unwrap_or(yardstick);
             let passed =
                 yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
@@ -302,8 +321,8 @@ impl Tree<'_> {
             let crown = match wishes.crown(number) {
                 Some(crown) => crown,
                 None => {
-                    let finer = branches.with(&before, number.checked_sub(1));
-                    self.cheaper_from(largest, &branches.with(&shown, Some(number)), &finer, &branches)?
+                    let finer = costs.with(&before, number.checked_sub(1));
+                    costs.cheaper_from(largest, &costs.with(&shown, Some(number)), &finer)?
                 }
             };
             takes_over.push(Passed { crown, ..passed });
@@ -342,45 +361,15 @@ impl Tree<'_> {
         let Some(before) = chosen.leaf_levels.last().filter(|level| level.kept.is_some()) else { return Ok(chosen) };
         let count = chosen.leaf_levels.len();
         if let (Some(passed), Some(cloud)) = (chosen.takes_over.get(count), chosen.chain.levels.first()) {
-            let (cloud, branches) = (drawn(cloud, wishes)?, Branches::of(self, &chosen)?);
-            let (own, finer) = (branches.with(&cloud, Some(0)), branches.with(&before.leaves.foliage, None));
-            let mut most = self.cheaper_from(passed.crown, &own, &finer, &branches)?;
+            let (cloud, costs) = (drawn(cloud, wishes)?, self.costs(&chosen)?);
+            let (own, finer) = (costs.with(&cloud, Some(0)), costs.with(&before.leaves.foliage, None));
+            let mut most = costs.cheaper_from(passed.crown, &own, &finer)?;
             for passed in &mut chosen.takes_over[count..] {
                 passed.crown = passed.crown.min(most);
                 most = passed.crown / LEAST_STEP;
             }
         }
         Ok(chosen)
-    }
-
-    /// Returns the largest diameter of the crown in pixels, up to `crown`, at which a level is cheaper to draw than the level before it, and, where
-    /// fragments cost most, draws at most [`MOST_FRAGMENTS`] times those of the tree's own leaves.
-    fn cheaper_from(&self, crown: f64, level: &[&Foliage], before: &[&Foliage], branches: &Branches) -> Result<f64> {
-        let leaves = branches.with(self.foliage, None);
-        let mut size = crown;
-        while size > LEAST_CROWN {
-            let cost = |parts: &[&Foliage]| self.drawing_cost(parts, size);
-            let (own, coarser, leaves) = (cost(level)?, cost(before)?, cost(&leaves)?);
-            let few = size < FEW_PIXELS || own.fragments <= MOST_FRAGMENTS * leaves.fragments;
-            if few && own.total() < (1.0 - LEAST_SAVING) * coarser.total() {
-                break;
-            }
-            size /= std::f64::consts::SQRT_2;
-        }
-        Ok(size.max(LEAST_CROWN.min(crown)))
-    }
-
-    /// Returns what parts cost to draw where the crown is `size` pixels large.
-    fn drawing_cost(&self, parts: &[&Foliage], size: f64) -> Result<DrawingCost> {
-        let scale = 0.5 * size / self.foliage.frame().radius;
-        drawing_cost(parts, scale, self.settings.up, Progress::silent())
-    }
-
-    /// Returns some triangles of the trunk; `None` without any.
-    fn wood(&self, triangles: &[u32]) -> Result<Option<Foliage>> {
-        let Some(trunk) = self.trunk.filter(|_| !triangles.is_empty()) else { return Ok(None) };
-        let corners: Vec<_> = triangles.iter().map(|&t| trunk.corners(t as usize)).collect();
-        trunk.part(triangles, &corners).map(Some)
     }
 
     /// Adds the octahedral impostor, and finds where the last level takes over.
@@ -414,29 +403,6 @@ impl Tree<'_> {
         };
         takes_over.extend(passed);
         Ok(Chosen { takes_over, plain: Some(of_cross), octahedral: Some(Arc::new(impostor)), ..chosen })
-    }
-}
-
-/// The branches that some clouds show, as triangles of the trunk for the levels that do not show them.
-struct Branches {
-    /// For levels of leaves: all.
-    all: Option<Foliage>,
-    /// For each cloud.
-    left: Vec<Option<Foliage>>,
-}
-
-impl Branches {
-    fn of(tree: &Tree, chosen: &Chosen) -> Result<Self> {
-        let all = chosen.twigs.last().map_or(&[][..], Vec::as_slice);
-        // Each cloud shows those of the clouds before it first.
-        let left = |shown: &Vec<u32>| tree.wood(&all[shown.len()..]);
-        Ok(Self { all: tree.wood(all)?, left: chosen.twigs.iter().map(left).collect::<Result<_>>()? })
-    }
-
-    /// Returns a level with its branches. `cloud`: its number among the clouds; `None` for leaves.
-    fn with<'a>(&'a self, level: &'a Foliage, cloud: Option<usize>) -> Vec<&'a Foliage> {
-        let branches = cloud.map_or(Some(&self.all), |cloud| self.left.get(cloud));
-        std::iter::once(level).chain(branches.and_then(Option::as_ref)).collect()
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod chain;
 mod clouds;
+mod costs;
 mod fewer;
 mod last;
 mod leaves;

@@ -38,20 +38,37 @@ impl Twigs {
         let mut before = 0.0;
         for step in steps {
             let widest = 2.0 * WIDTH / step.crown_pixels;
-            let mut found: Vec<u32> = Vec::new();
-            for part in trunk.leaves().iter() {
-                let width = width(trunk, leaves, part);
-                if width > before && width <= widest {
-                    found.extend(part);
-                }
-            }
-            let foliage = if found.is_empty() { None } else { Some(pieces(trunk, leaves, &found)?) };
+            let found = thin(trunk, leaves, before, widest);
+            let foliage = wood(Some(trunk), &found)?.map(|branches| pieces(&branches.double_sided(), leaves));
             twigs.foliage.push(foliage);
             twigs.triangles.push(found);
             before = widest;
         }
         Ok(twigs)
     }
+}
+
+/// Returns the triangles of all branches that are thin where the crown is `crown` pixels large.
+#[must_use]
+pub fn thin_branches(trunk: &Foliage, leaves: &Foliage, crown: f64) -> Vec<u32> {
+    thin(trunk, leaves, 0.0, 2.0 * WIDTH / crown)
+}
+
+/// Returns some triangles of the trunk; `None` without any.
+///
+/// # Errors
+/// Those of [`Foliage::part`].
+pub fn wood(trunk: Option<&Foliage>, triangles: &[u32]) -> Result<Option<Foliage>> {
+    let Some(trunk) = trunk.filter(|_| !triangles.is_empty()) else { return Ok(None) };
+    let corners: Vec<_> = triangles.iter().map(|&t| trunk.corners(t as usize)).collect();
+    trunk.part(triangles, &corners).map(Some)
+}
+
+/// Returns the triangles of the branches that are wider than `narrowest` and at most `widest`, in R of the leaves.
+fn thin(trunk: &Foliage, leaves: &Foliage, narrowest: f64, widest: f64) -> Vec<u32> {
+    let parts = trunk.leaves();
+    let is_thin = |part: &&[u32]| (narrowest..=widest).contains(&width(trunk, leaves, part).max(narrowest.next_up()));
+    parts.iter().filter(is_thin).flatten().copied().collect()
 }
 
 /// Returns the width of a part in R of the leaves; infinite if it reaches out of their frame.
@@ -72,14 +89,12 @@ fn in_leaves(trunk: &Foliage, leaves: &Foliage, triangle: u32) -> [DVec3; 3] {
     trunk.corners(triangle as usize).map(|p| leaves.frame().to_local(trunk.frame().to_caller(p)))
 }
 
-/// Returns triangles of the trunk, each branch cut into pieces across its longest side.
-fn pieces(trunk: &Foliage, leaves: &Foliage, triangles: &[u32]) -> Result<Foliage> {
-    let corners: Vec<[DVec3; 3]> = triangles.iter().map(|&t| trunk.corners(t as usize)).collect();
-    let part = trunk.part(triangles, &corners)?.double_sided();
-    let mut numbers = vec![0i64; part.triangle_count()];
+/// Returns branches that are cut into pieces across their longest sides.
+fn pieces(branches: &Foliage, leaves: &Foliage) -> Foliage {
+    let mut numbers = vec![0i64; branches.triangle_count()];
     let mut next = 0;
-    for branch in part.leaves().iter() {
-        let middle = |t: u32| in_leaves(&part, leaves, t).into_iter().sum::<DVec3>() / 3.0;
+    for branch in branches.leaves().iter() {
+        let middle = |t: u32| in_leaves(branches, leaves, t).into_iter().sum::<DVec3>() / 3.0;
         let bounds = |(low, high): (DVec3, DVec3), &t: &u32| (low.min(middle(t)), high.max(middle(t)));
         let (low, high) = branch.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), bounds);
         let axis = (high - low).max_position();
@@ -88,7 +103,7 @@ fn pieces(trunk: &Foliage, leaves: &Foliage, triangles: &[u32]) -> Result<Foliag
         }
         next += ((high - low)[axis] / PIECE) as i64 + 1;
     }
-    Ok(part.with_leaves(&numbers))
+    branches.with_leaves(&numbers)
 }
 
 #[cfg(test)]
@@ -104,7 +119,8 @@ mod tests {
             [(x, 0.0), (x + width, 0.0), (x + width, height), (x, height)].map(|(x, z)| DVec3::new(x, 0.0, z))
         };
         let positions: Vec<DVec3> = sizes.iter().enumerate().flat_map(|(i, &size)| corner(i, size)).collect();
-        let faces = (0..sizes.len() as u32).flat_map(|i| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]]);
+        let faces =
+            (0..sizes.len() as u32).flat_map(|i| [[4 * i, 4 * i + 1, 4 * i + 2], [4 * i, 4 * i + 2, 4 * i + 3]]);
         Foliage::new(&positions, faces.collect(), Attributes::default(), vec![]).unwrap()
     }
 

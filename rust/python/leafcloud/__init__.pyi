@@ -660,6 +660,9 @@ class Chain:
     def pivots(self) -> NDArray[np.float64]:
         """(t, 3) pivot of each triangle's leaf, the centroid of the leaf's area."""
     @property
+    def twigs(self) -> list[NDArray[np.uint32]]:
+        """For each cloud the triangles of the trunk that it shows, with ``twigs=True``."""
+    @property
     def growth(self) -> tuple[float, float]:
         """(c₁, c₂) of γ = exp(c₁ L + c₂ L²), L = ln λ. A crown with the fraction λ of its leaves keeps its density if
         these grow by s · γ. Measured in renders if ``keep`` was given, else (0, 0)."""
@@ -884,6 +887,7 @@ class ChainOptions(LevelOptions, total=False):
     memory_budget: float  # 4.0
     sizes: Sequence[float] | None  # None
     shares: bool  # False
+    twigs: bool  # False
     steps: Sequence[tuple[float, float]] | None  # None
     form: Form | None  # "auto"
     last: Last | None  # "cross"
@@ -964,7 +968,7 @@ def build_chain(
     ``texture_size``: columns of level 1's page, and rows unless ``texture_height`` is given. The page of level i has
     1/2^(i−1) of that. ``None``: pages are as small as texels of half a pixel, where the level takes over, allow, and
     level 1's has at most 2048 columns.
-    ``trunk``: the trunk; only the cross impostor shows it.
+    ``trunk``: the trunk. The cross impostor shows all of it.
     ``every_level``: False leaves a level out if it saves less than a tenth of the cost of drawing the level before it,
     where it takes over (``Chain.left_out``, :func:`drawing_cost`). The last level stays if there is no other.
     ``pixels``: size at which a level's deviation appears where the level takes over.
@@ -976,6 +980,8 @@ def build_chain(
     ``memory_budget``, with ``quality``: MB of the levels' compressed textures.
     ``sizes``, with ``quality``: sizes of the crown where levels take over, as fractions of 1080 lines, descending.
     ``shares``, with ``quality``: levels are drawn with alpha as a share of a pixel, not cut out.
+    ``twigs``, with ``quality``: clouds show the thin branches of ``trunk`` (``Chain.twigs``), unless they would take over
+    later by it. Draw their trunks without these.
     ``form``, with ``quality``: "billboards", "leaves" (level 1 is :class:`LeafLevel`, however little it saves), or
     "auto": leaves where they make the scene a tenth cheaper to draw, and half or a quarter of the leaves where the
     first cloud takes over late.

@@ -169,7 +169,17 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
     let empty = |chain: &Arc<Chain>| {
         let Chain {
-            left_out, ranks, pivots, growth, contrast, kept, whole, twigs, measuring_seconds, prepare_seconds, ..
+            left_out,
+            ranks,
+            pivots,
+            growth,
+            contrast,
+            kept,
+            whole,
+            twigs,
+            measuring_seconds,
+            prepare_seconds,
+            ..
         } = chain.as_ref();
         Chain {
             levels: Vec::new(),

@@ -17,8 +17,16 @@ impl Foliage {
         Self {
             frame: self.frame,
             positions: self.positions.iter().copied().chain(moved).collect(),
-            triangles: self.triangles.iter().copied().chain(wood.triangles.iter().map(|t| t.map(|v| v + vertices))).collect(),
-            attributes: Attributes { leaf_ids: leaf_ids.iter().map(|&leaf| i64::from(leaf)).collect(), ..self.attributes_with(wood) },
+            triangles: self
+                .triangles
+                .iter()
+                .copied()
+                .chain(wood.triangles.iter().map(|t| t.map(|v| v + vertices)))
+                .collect(),
+            attributes: Attributes {
+                leaf_ids: leaf_ids.iter().map(|&leaf| i64::from(leaf)).collect(),
+                ..self.attributes_with(wood)
+            },
             coverage: unmade(&materials),
             materials: materials.into(),
             leaf_ids,

@@ -105,17 +105,7 @@ impl Foliage {
             number_by_appearance(attributes.leaf_ids.iter())
         };
         let (coverage, labelled) = (unmade(&materials), triangles.len());
-        Ok(Self {
-            frame,
-            positions: local,
-            triangles,
-            attributes,
-            materials,
-            coverage,
-            leaf_ids,
-            leaf_count,
-            labelled,
-        })
+        Ok(Self { frame, positions: local, triangles, attributes, materials, coverage, leaf_ids, leaf_count, labelled })
     }
 
     /// Returns the local frame in the caller's coordinates.

@@ -186,7 +186,8 @@ pub fn build_chain_of(
         if twigs.add(index) {
             all = twigs.with_all(shown);
             let report = twigs.with_all(whole);
-            let [shown, whole] = [(&all, shown), (&report, whole)].map(|(with, without)| with.as_ref().unwrap_or(without));
+            let [shown, whole] =
+                [(&all, shown), (&report, whole)].map(|(with, without)| with.as_ref().unwrap_or(without));
             references = References::new(&[shown], &[whole], &frame, settings)?;
         }
         let with_twigs = twigs.with(finer);
