@@ -9,6 +9,7 @@
 //!
 //! The choice depends on FLIP, whose last digits differ between machines. Figures are rounded where ε follows from them.
 
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
@@ -18,7 +19,7 @@ use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
 use crate::costs::Costs;
-use crate::fewer::Whole;
+use crate::fewer::{LEAST_BAND, Whole};
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
 use crate::twigs::{Twigs, thin_branches, wood};
@@ -94,7 +95,8 @@ impl Wanted {
         let Some(wishes) = wishes else {
             let clouds = progress.part(0.0, if *last == Last::Cross { 1.0 } else { SHARE_OF_CLOUDS });
             let built = built(foliage, trunk, settings, *wish, clouds)?;
-            return Tree { foliage, trunk, settings, thin: Vec::new() }.finished(built, None, *last, progress);
+            return Tree { foliage, trunk, settings, thin: Vec::new(), fewer: OnceCell::new() }
+                .finished(built, None, *last, progress);
         };
         wishes.check()?;
         let settings = if wishes.is_quick() { with_fewer_views(settings) } else { settings.clone() };
@@ -104,7 +106,7 @@ impl Wanted {
         let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
         let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
         let thin = trunk.filter(|_| wishes.twigs).map(|trunk| thin_branches(trunk, foliage, CROWNS[CROWNS.len() - 1]));
-        let tree = Tree { foliage, trunk, settings, thin: thin.unwrap_or_default() };
+        let tree = Tree { foliage, trunk, settings, thin: thin.unwrap_or_default(), fewer: OnceCell::new() };
         let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
         let judged = match wish {
             None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
@@ -228,6 +230,8 @@ struct Tree<'a> {
     settings: &'a ChainSettings,
     /// The triangles of the thin branches that clouds may show.
     thin: Vec<u32>,
+    /// Levels of fewer leaves, once they are known: they are the same for all clouds that are tried.
+    fewer: OnceCell<Vec<Arc<LeafLevel>>>,
 }
 
 impl Tree<'_> {
@@ -344,14 +348,21 @@ impl Tree<'_> {
         yardstick: &Yardstick,
         progress: Progress,
     ) -> Result<Chosen> {
-        let simplified = chosen.leaf_levels.first().map(Arc::clone);
-        let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref(), chain: &chosen.chain };
-        let first_cloud = chosen.takes_over.get(chosen.leaf_levels.len()).map_or(0.0, |passed| passed.crown);
+        let first_cloud = first_cloud(&chosen).unwrap_or(0.0);
         let room = MOST_LEVELS.saturating_sub(chosen.takes_over.len() + usize::from(self.settings.cross));
-        let fewer = whole.fewer(first_cloud, wishes, yardstick, self.settings, progress)?;
-        for level in fewer.into_iter().take(room) {
+        if room == 0 || wishes.largest_crown() < LEAST_BAND * first_cloud {
+            return Ok(chosen);
+        }
+        if self.fewer.get().is_none() {
+            let simplified = chosen.leaf_levels.first().map(Arc::clone);
+            let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref(), chain: &chosen.chain };
+            let found = whole.fewer(wishes, yardstick, self.settings, progress)?;
+            self.fewer.get_or_init(|| found);
+        }
+        let last_long = |level: &&Arc<LeafLevel>| level.passed.crown >= LEAST_BAND * first_cloud;
+        for level in self.fewer.get().into_iter().flatten().take_while(last_long).take(room) {
             chosen.takes_over.insert(chosen.leaf_levels.len(), level.passed);
-            chosen.leaf_levels.push(Arc::new(level));
+            chosen.leaf_levels.push(Arc::clone(level));
         }
         self.cheaper_than_fewer(chosen, wishes)
     }

@@ -6,6 +6,7 @@
 //!
 //! O(shares · pictures). Known limit: the order is random, so gaps between few large leaves show.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -31,7 +32,7 @@ const FEWEST: usize = 200;
 const MOST_KEPT: f64 = 0.75;
 
 /// Least ratio of the size at which such a level takes over to that of the first cloud.
-const LEAST_BAND: f64 = 1.5;
+pub const LEAST_BAND: f64 = 1.5;
 
 /// The tree's leaves, and the leaves from which fewer are taken.
 pub struct Whole<'a> {
@@ -48,25 +49,24 @@ impl Whole<'_> {
         self.simplified.map_or(self.leaves, |level| &level.leaves.foliage)
     }
 
-    /// Returns levels of fewer leaves that are drawn before the crown is `until` pixels large, where the first cloud takes over.
+    /// Returns levels of fewer leaves, finest first.
     ///
     /// # Errors
     /// Those of a render; [`Error::Cancelled`](leafcloud::Error::Cancelled).
     pub fn fewer(
         &self,
-        until: f64,
         wishes: &Wishes,
         yardstick: &Yardstick,
         settings: &ChainSettings,
         progress: Progress,
-    ) -> Result<Vec<LeafLevel>> {
+    ) -> Result<Vec<Arc<LeafLevel>>> {
         let mut levels: Vec<LeafLevel> = Vec::new();
         let most = self.simplified.map_or(wishes.largest_crown(), |level| level.passed.crown / LEAST_STEP);
-        let least = LEAST_BAND * until.max(UNJUDGED);
+        let least = LEAST_BAND * UNJUDGED;
         let may_be_leaves =
             wishes.free && wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
         if !may_be_leaves || self.base().leaf_count() < FEWEST || most < least {
-            return Ok(levels);
+            return Ok(Vec::new());
         }
         for share in SHARES {
             let started = Instant::now();
@@ -97,7 +97,7 @@ impl Whole<'_> {
             let all = &levels[number].leaves.targets;
             levels[number].leaves.targets = triangles.iter().map(|&t| all[t as usize]).collect();
         }
-        Ok(levels)
+        Ok(levels.into_iter().map(Arc::new).collect())
     }
 
     /// Returns a share of the leaves, which cover as much as all.

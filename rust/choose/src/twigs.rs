@@ -67,7 +67,10 @@ pub fn wood(trunk: Option<&Foliage>, triangles: &[u32]) -> Result<Option<Foliage
 /// Returns the triangles of the branches that are wider than `narrowest` and at most `widest`, in R of the leaves.
 fn thin(trunk: &Foliage, leaves: &Foliage, narrowest: f64, widest: f64) -> Vec<u32> {
     let parts = trunk.leaves();
-    let is_thin = |part: &&[u32]| (narrowest..=widest).contains(&width(trunk, leaves, part).max(narrowest.next_up()));
+    let is_thin = |part: &&[u32]| {
+        let width = width(trunk, leaves, part);
+        width > narrowest && width <= widest
+    };
     parts.iter().filter(is_thin).flatten().copied().collect()
 }
 
