@@ -70,7 +70,7 @@ def test_help_lists_the_flags_and_their_defaults() -> None:
     text = " ".join(shown.stdout.split())
     for name in ("input", "leaves", "out", "no-cross", "plan-only", "json"):
         assert f"--{name}" in text
-    for name, default in [("quality", 0.5), ("candidates", 600), ("levels", 2), ("seed", 0)]:
+    for name, default in [("quality", 0.5), ("candidates", 600), ("levels", 3), ("seed", 0)]:
         assert f"--{name}" in text
         assert f"(default: {default})" in text
 

@@ -36,7 +36,7 @@ def drawn() -> set[str]:
 
 def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> None:
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.every_level, settings.quality = 128, True, 0.1
+    settings.texture_size, settings.every_level, settings.quality, settings.levels = 128, True, 0.1, 2
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     assert [name for name in LEVELS if name in bpy.data.objects] == LEVELS
     assert all(bpy.data.objects[name].visible_get() for name in LEVELS)
@@ -53,7 +53,7 @@ def test_all_levels_are_made_and_follow_the_camera(camera: bpy.types.Object) -> 
 def test_the_sidebar_offers_only_this_view_and_then_all_levels(camera: bpy.types.Object) -> None:
     status, settings = bpy.context.window_manager.leafcloud, bpy.context.scene.leafcloud
     settings.texture_size, settings.epsilon, settings.every_level = 64, 0.2, True
-    settings.quality = 0.1
+    settings.quality, settings.levels = 0.1, 2
     bpy.ops.leafcloud.bake()
     assert (status.note, status.viewer) == ("The camera stands still, so all levels are made", "camera")
     bpy.ops.leafcloud.bake(viewer=status.viewer)
@@ -86,6 +86,7 @@ def test_the_main_panel_explains_the_levels_and_offers_the_other_choice(camera: 
         return " ".join(lines), [call.kwargs["text"] for call in box.operator.call_args_list]
 
     settings = bpy.context.scene.leafcloud
+    settings.levels = 2
     assert drawn() == ("", [])
     bpy.ops.leafcloud.plan()
     assert drawn() == ("The camera stands still, so all levels are made", ["Only for This View"])

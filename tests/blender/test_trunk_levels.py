@@ -27,7 +27,7 @@ from addon.plan.facts import Facts
 from addon.plan.trunk_limits import CHANGE, FAR_TRIANGLES, NEAR_TRIANGLES, trunk_limits
 from addon.settings.bake import BakeSettings
 
-QUICK = ("--epsilon", 0.1, "--quality", 0.1, "--texture-size", 128)
+QUICK = ("--epsilon", 0.1, "--pixels", 8, "--texture-size", 128)
 
 
 def grid(n: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
@@ -352,7 +352,7 @@ def baked_tree(effects: str) -> Baked:
     add_mesh("leaves", crown, leaves, materials=[material("leaf")])
     faces = [tuple(map(int, triangle)) for triangle in triangles]
     add_mesh("trunk", [tuple(p) for p in positions], faces, materials=[material("bark")])
-    return bake(read(), BakeSettings(quality=0.1, texture_size=128, effects=effects))
+    return bake(read(), BakeSettings(quality=0.1, texture_size=128, levels=2, effects=effects))
 
 
 def test_each_level_shows_its_own_trunk() -> None:
@@ -391,6 +391,29 @@ def test_a_level_looks_the_same_with_its_own_trunk() -> None:
         assert np.abs(after - before).sum() < 0.04 * before.sum()
         assert abs(after.sum() - before.sum()) < 2.0 * CHANGE * before.sum(), "neither thinner nor thicker"
         assert np.abs(bare - before).sum() > 0.08 * before.sum(), "the trunk is a part of the picture"
+
+
+def test_thin_branches_are_on_the_cloud_and_not_in_its_trunk() -> None:
+    """Eight tubes, 0.02 wide and 4 long, in a crown of radius 3 or so, and a stem, 2 wide."""
+    random = np.random.default_rng(3)
+    centres = np.repeat(random.normal((0, 0, 8), 1.2, (400, 3)), 3, axis=0)
+    crown = [tuple(point) for point in random.normal(centres, 0.2)]
+    add_mesh("leaves", crown, [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(400)], materials=[material("leaf")])
+    stem, of_stem = tube(12, 4)
+    thin, of_thin = tube(6, 1, height=4.0)
+    places = [thin * (0.01, 0.01, 1.0) + (0.2 * i - 0.7, 0.0, 6.0) for i in range(8)]
+    positions = np.concatenate([stem, *places])
+    faces = np.concatenate([of_stem, *(of_thin + len(stem) + i * len(thin) for i in range(8))])
+    corners = [tuple(map(int, triangle)) for triangle in faces]
+    add_mesh("trunk", [tuple(p) for p in positions], corners, materials=[material("bark")])
+    result = bake(read(), BakeSettings(quality=0.1, texture_size=256, levels=1, every_level=True))
+    [twigs] = result.chain.twigs
+    assert twigs.tolist() == list(range(len(of_stem), len(faces)))
+    came, *leaves, cloud, _ = result.levels
+    assert came.trunk_triangles == len(faces)
+    assert all(level.trunk_corners.max() >= 3 * len(of_stem) for level in leaves if level.trunk_corners is not None)
+    assert 0 < cloud.trunk_triangles <= len(of_stem)
+    assert cloud.trunk_corners.max() < 3 * len(of_stem), "triangles of the stem, counted through the whole trunk"
 
 
 def test_costs_of_trunk_levels_are_counted() -> None:

@@ -21,7 +21,7 @@ VIEW = View(resolution=1000.0, field_of_view=math.pi / 2.0)
 """At the distance d a length of 2 d is seen 1000 pixels large."""
 
 FACTS = Facts("generic", leaves=100, vertices=400, triangles=200, trunk=50, radius=2.0, area=4.0)
-SETTINGS = BakeSettings(epsilon=0.08, pixels=10.0)
+SETTINGS = BakeSettings(epsilon=0.08, pixels=10.0, levels=2)
 # A length of 0.16 covers 10 pixels at distance 8, so level 1 starts there. Level 2 starts at 28, the cross at 50.
 
 

@@ -18,7 +18,7 @@ from addon.settings.setting import Limits, SettingsError
 
 def test_the_defaults_match_the_command_line() -> None:
     settings = BakeSettings()
-    assert (settings.epsilon, settings.candidates, settings.levels, settings.seed) == (None, 600, 2, 0)
+    assert (settings.epsilon, settings.candidates, settings.levels, settings.seed) == (None, 600, 3, 0)
     assert (settings.texture_size, settings.cross, settings.method, settings.chain) == (
         None,
         True,

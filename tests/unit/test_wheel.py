@@ -255,7 +255,7 @@ def test_other_threads_run_while_the_core_works(foliage: Foliage) -> None:
 
 
 def test_job(foliage: Foliage) -> None:
-    job = leafcloud.start_chain(foliage, texture_size=128, epsilon=0.1)
+    job = leafcloud.start_chain(foliage, texture_size=128, epsilon=0.1, levels=2)
     chain = job.result(timeout=60)
     assert job.done
     assert job.fraction == 1.0
