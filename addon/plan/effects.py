@@ -80,7 +80,8 @@ def camera_note(settings: BakeSettings, facts: Facts, effects: Sequence[Decision
     left_out += ["the cross impostor"] if settings.cross and not cross else []
     if left_out and far_levels.asked(situation.asked) is None:
         verb = "is" if len(left_out) == 1 else "are"
-        said.append(f"{' and '.join(left_out)} {verb} left out: {far_levels.rule(situation)[1]}")
+        all_left_out = " and ".join(filter(None, [", ".join(left_out[:-1]), left_out[-1]]))
+        said.append(f"{all_left_out} {verb} left out: {far_levels.rule(situation)[1]}")
     follows = is_on(effects, "transitions") or is_on(effects, "pruning") or situation.seen.first != situation.seen.last
     if not follows and transitions.asked(situation.asked) is None:
         said.append(f"level {situation.seen.first} is always shown: {transitions.rule(situation)[1]}")

@@ -45,6 +45,9 @@ const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
 const SHARE_OF_CHOICE: f64 = 0.3;
 const SHARE_OF_CLOUDS: f64 = 0.85;
 
+/// Least side of the page of a cloud after the second.
+const LEAST_PAGE: usize = 128;
+
 /// Most levels after the leaves: each is a mesh and a hand-over more in the file.
 const MOST_LEVELS: usize = 5;
 
@@ -169,11 +172,15 @@ impl Plan {
     /// Builds the clouds from number `first` on, with or without thin branches.
     fn built(&self, tree: &Tree, wishes: &Wishes, first: usize, twigs: bool, progress: Progress) -> Result<Chosen> {
         let Tree { foliage, trunk, settings, .. } = *tree;
-        let steps = match self.tried.last() {
+        let settings = within_memory(settings, wishes);
+        let mut steps = match self.tried.last() {
             Some(chosen) => steps(wishes, chosen.epsilon, settings.levels, first),
             None => given_steps(wishes, settings.fit.epsilon, settings.levels),
         };
-        let settings = ChainSettings { levels: steps.len(), steps, ..within_memory(settings, wishes) };
+        // Pages halve from cloud to cloud, and far clouds have a hundred billboards still.
+        let has_room = |number: &usize| *number < 2 || settings.texture_size.width >> number >= LEAST_PAGE;
+        steps.truncate((0..steps.len()).take_while(has_room).count());
+        let settings = ChainSettings { levels: steps.len(), steps, ..settings };
         let twigs = trunk.filter(|_| twigs).map(|trunk| Twigs::of(trunk, foliage, &settings.steps)).transpose()?;
         let twigs = twigs.unwrap_or_default();
         let origin = Origin { twigs: &twigs.foliage, ..origin(self.leaf_level.as_deref(), foliage) };

@@ -21,7 +21,7 @@ fn small() -> Wishes {
 }
 
 fn chosen(foliage: &Foliage, wishes: Wishes) -> Chosen {
-    built(foliage, ChainSettings::default(), Some(wishes), Last::Auto).unwrap()
+    built(foliage, ChainSettings { levels: 2, ..ChainSettings::default() }, Some(wishes), Last::Auto).unwrap()
 }
 
 fn sizes(chosen: &Chosen) -> Vec<f64> {
@@ -88,13 +88,14 @@ fn the_number_of_threads_changes_nothing() {
 #[test]
 fn the_last_level_has_the_form_that_is_asked_for() {
     let foliage = crown(300);
-    let last = |form| built(&foliage, ChainSettings::default(), Some(small()), form).unwrap();
+    let settings = ChainSettings { levels: 1, ..ChainSettings::default() };
+    let last = |form| built(&foliage, settings.clone(), Some(small()), form).unwrap();
     assert!(last(Last::Cross).octahedral.is_none());
     let impostor = last(Last::Octahedral);
     assert!(impostor.octahedral.is_some() && impostor.plain.is_some(), "plain files show the cross impostor");
-    let unjudged = built(&foliage, ChainSettings::default(), None, Last::Octahedral).unwrap();
+    let unjudged = built(&foliage, settings.clone(), None, Last::Octahedral).unwrap();
     assert!(unjudged.octahedral.is_some() && unjudged.takes_over.is_empty());
-    let without = ChainSettings { cross: false, ..ChainSettings::default() };
+    let without = ChainSettings { cross: false, ..settings };
     let refused = built(&foliage, without, None, Last::Octahedral).err().map(|error| error.to_string());
     assert!(refused.unwrap().contains("cross impostor"));
 }

@@ -29,7 +29,13 @@ fn ball(count: u32) -> Foliage {
 
 fn settings() -> ChainSettings {
     let fit = FitSettings { epsilon: 0.06, candidates: 100, ..FitSettings::default() };
-    ChainSettings { fit, texture_size: 256.into(), samples: Samples::new(2).unwrap(), ..ChainSettings::default() }
+    ChainSettings {
+        fit,
+        levels: 2,
+        texture_size: 256.into(),
+        samples: Samples::new(2).unwrap(),
+        ..ChainSettings::default()
+    }
 }
 
 #[test]
