@@ -298,6 +298,31 @@ fn steps_set_the_bound_and_the_size_of_each_cloud() {
     assert!(message.starts_with("`crown_pixels` is NaN"), "{message}");
 }
 
+#[test]
+fn clouds_show_twigs_and_only_leaves_move() {
+    let leaves = ball(100);
+    let brown = Material { base_color: Vec4::new(0.5, 0.1, 0.0, 1.0), double_sided: true, ..Material::default() };
+    let strip = |x: f64| {
+        let corners = [(-0.1, -2.0), (0.1, -2.0), (0.1, 2.0), (-0.1, 2.0)].map(|(y, z)| DVec3::new(x + 5.0, y, z + 1.0));
+        let faces = vec![[0, 1, 2], [0, 2, 3]];
+        Some(Foliage::new(&corners, faces, Attributes::default(), vec![brown.clone()]).unwrap())
+    };
+    let twigs = [strip(0.0), strip(1.0)];
+    let origin = Origin { twigs: &twigs, ..Origin::of(&leaves) };
+    let with = build_chain_of(origin, None, &settings(), Progress::silent()).unwrap();
+    let without = build_chain(&leaves, None, &settings(), Progress::silent()).unwrap();
+    assert_eq!((with.twigs, without.twigs), (vec![1, 2], vec![0, 0]));
+    let red = |level: &Level| level.page.base_color.pixels().iter().filter(|p| p[3] > 127 && p[0] > p[1]).count();
+    let [first, second, _] = &with.levels[..] else { panic!("two clouds and the cross") };
+    assert!(red(first) > 0 && red(second) > 0 && without.levels.iter().all(|level| red(level) == 0));
+    for (level, finer) in [(first, leaves.triangle_count()), (second, first.foliage().unwrap().triangle_count())] {
+        let (cloud, projection) = (level.cloud.as_ref().unwrap(), level.projection.as_ref().unwrap());
+        let counts = [cloud.parents.len(), cloud.deviations.len(), projection.targets.len(), projection.pivots.len()];
+        assert_eq!(counts, [finer; 4]);
+        assert!((level.coverage - 1.0).abs() < 0.1, "of leaves and twigs: {}", level.coverage);
+    }
+}
+
 /// Square leaves far from one another, each beside a copy three quarters of a leaf away and higher: merged, one hides a quarter of the other.
 fn overlapping() -> Foliage {
     let leaf = |number: usize| {
