@@ -290,7 +290,8 @@ def test_a_bake_keeps_its_bound_and_is_valid(
     tree_path: Path, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
 ) -> None:
     """Check the error bound in f64 from the files alone, on every tree, and run the Khronos validator."""
-    report = bake(tree_path, tmp_path, "--texture-size", 512, "--every-level", "--levels", 2, "--epsilon", 0.04, "--quality", 0.1)
+    flags = ("--texture-size", 512, "--every-level", "--levels", 2, "--epsilon", 0.04, "--quality", 0.1)
+    report = bake(tree_path, tmp_path, *flags)
     name, radius = tree_path.stem, report["input"]["radius"]
     assert sorted(file.name for file in tmp_path.iterdir()) == report["files"]
     nodes = read_glb(tmp_path / f"{name}.glb")

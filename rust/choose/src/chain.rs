@@ -329,12 +329,11 @@ impl Tree<'_> {
                 yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
             let nearly = !passed.passes && passed.judged.excess(wishes.q()).0 <= NEARLY;
             let largest = if nearly { passed.judged.crown.min(most) } else { passed.crown };
-            let crown = match wishes.crown(number) {
-                Some(crown) => crown,
-                None => {
-                    let finer = costs.with(&before, number.checked_sub(1));
-                    costs.cheaper_from(largest, &costs.with(&shown, Some(number)), &finer)?
-                }
+            let crown = if let Some(wished) = wishes.crown(number) {
+                wished
+            } else {
+                let finer = costs.with(&before, number.checked_sub(1));
+                costs.cheaper_from(largest, &costs.with(&shown, Some(number)), &finer)?
             };
             takes_over.push(Passed { crown, ..passed });
             before = shown;

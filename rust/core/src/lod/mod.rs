@@ -48,7 +48,7 @@ use crate::geometry::Frame;
 use crate::metrics::{LeafSamples, visibility};
 use crate::progress::Progress;
 use crate::prune::{self, Kept, Pruned, Trend};
-use crate::textures::Sky;
+use crate::textures::{Channels, Sky};
 use crate::transition::leaf_pivots;
 
 /// Seconds of the measurements before the first level; 0 for steps that were not requested.
@@ -184,11 +184,7 @@ pub fn build_chain_of(
         let finer = before.as_ref().unwrap_or(foliage);
         let (of_leaves, own_triangles) = (before.is_none(), finer.triangle_count());
         if twigs.add(index) {
-            all = twigs.with_all(shown);
-            let report = twigs.with_all(whole);
-            let [shown, whole] =
-                [(&all, shown), (&report, whole)].map(|(with, without)| with.as_ref().unwrap_or(without));
-            references = References::new(&[shown], &[whole], &frame, settings)?;
+            (all, references) = twigs.compared(shown, whole, settings)?;
         }
         let with_twigs = twigs.with(finer);
         let finer = with_twigs.as_ref().unwrap_or(finer);
@@ -230,19 +226,12 @@ pub fn build_chain_of(
         if made.levels.len() > finer_levels {
             made.refine_last(|level| refine::refined(level, &step, settings, share(index).part(found, 1.0)))?;
             shown_twigs.push(twigs.shown(index));
-            made.levels.last_mut().map(|level| level.keep_own(own_triangles));
+            made.levels[finer_levels].keep_own(own_triangles);
         }
     }
-    let mut whole_tree = None;
-    if settings.cross {
-        let page = settings.page(settings.levels);
-        let rest = share(settings.levels);
-        let (cross, references) = cross::build(&parts, page, (&channels, sky.as_ref()), settings, rest)?;
-        whole_tree = keep.is_none().then(|| Arc::new(references));
-        let finer = made.levels.last().map(Level::foliage).transpose()?;
-        let before = Before { leaves: finer.as_ref().unwrap_or(foliage), trunk: trunk.as_ref() };
-        made.add(std::iter::once(Ok(cross)), &before, true, settings, rest.part(1.0, 1.0))?;
-    }
+    let mut cross =
+        || add_cross(&mut made, foliage, &parts, (&channels, sky.as_ref()), settings, share(settings.levels));
+    let whole_tree = if settings.cross { Some(cross()?) } else { None };
     let (Made { levels, left_out }, Order { ranks, growth, contrast }) = (made, order);
     progress.tell("bake", 1.0)?;
     Ok(Chain {
@@ -253,11 +242,28 @@ pub fn build_chain_of(
         growth,
         contrast,
         kept,
-        whole: whole_tree,
+        whole: whole_tree.filter(|_| keep.is_none()).map(Arc::new),
         twigs: shown_twigs,
         measuring_seconds: seconds,
         prepare_seconds,
     })
+}
+
+/// Adds the cross impostor of all parts, the leaves first, if it is worth making. `foliage`: what the first level is built from. Returns the
+/// renderings that it is compared with.
+fn add_cross(
+    made: &mut Made,
+    foliage: &Foliage,
+    parts: &[&Foliage],
+    channels: (&Channels, Option<&Sky>),
+    settings: &ChainSettings,
+    progress: Progress,
+) -> Result<References> {
+    let (cross, references) = cross::build(parts, settings.page(settings.levels), channels, settings, progress)?;
+    let finer = made.levels.last().map(Level::foliage).transpose()?;
+    let before = Before { leaves: finer.as_ref().unwrap_or(foliage), trunk: parts.get(1).copied() };
+    made.add(std::iter::once(Ok(cross)), &before, true, settings, progress.part(1.0, 1.0))?;
+    Ok(references)
 }
 
 /// The pruning order of the leaves, and how pruned leaves grow and change their colors.

@@ -303,7 +303,8 @@ fn clouds_show_twigs_and_only_leaves_move() {
     let leaves = ball(100);
     let brown = Material { base_color: Vec4::new(0.5, 0.1, 0.0, 1.0), double_sided: true, ..Material::default() };
     let strip = |x: f64| {
-        let corners = [(-0.1, -2.0), (0.1, -2.0), (0.1, 2.0), (-0.1, 2.0)].map(|(y, z)| DVec3::new(x + 5.0, y, z + 1.0));
+        let corners =
+            [(-0.1, -2.0), (0.1, -2.0), (0.1, 2.0), (-0.1, 2.0)].map(|(y, z)| DVec3::new(x + 5.0, y, z + 1.0));
         let faces = vec![[0, 1, 2], [0, 2, 3]];
         Some(Foliage::new(&corners, faces, Attributes::default(), vec![brown.clone()]).unwrap())
     };

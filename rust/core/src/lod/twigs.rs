@@ -1,6 +1,9 @@
 //! Thin branches on clouds. A trunk keeps few triangles at a distance, so its twigs vanish, and with them a share of what a tree covers. On a cloud
 //! they cost no triangle: they are fitted and baked like leaves.
 
+use super::references::References;
+use super::settings::ChainSettings;
+use crate::error::Result;
 use crate::foliage::Foliage;
 
 /// The twigs that the clouds so far have come to show.
@@ -30,9 +33,21 @@ impl<'a> Twigs<'a> {
         joined(finer, &self.new)
     }
 
-    /// Returns the leaves with all twigs; `None` without twigs.
-    pub fn with_all(&self, leaves: &Foliage) -> Option<Foliage> {
-        joined(leaves, &self.all)
+    /// Returns the leaves that levels show with all twigs, `None` without twigs, and the renderings that levels are compared with. `whole`: the
+    /// leaves that the report compares them with.
+    ///
+    /// # Errors
+    /// Those of [`References::new`].
+    pub fn compared(
+        &self,
+        shown: &Foliage,
+        whole: &Foliage,
+        settings: &ChainSettings,
+    ) -> Result<(Option<Foliage>, References)> {
+        let [shown_all, whole_all] = [shown, whole].map(|leaves| joined(leaves, &self.all));
+        let parts = [&[shown_all.as_ref().unwrap_or(shown)], &[whole_all.as_ref().unwrap_or(whole)]];
+        let references = References::new(parts[0], parts[1], whole.frame(), settings)?;
+        Ok((shown_all, references))
     }
 
     /// Takes the twigs as shown by the cloud with this number. Returns how many of the clouds' sets it shows.
