@@ -162,7 +162,7 @@ def _simplified(
     positions: NDArray[np.float64],
     view: TrunkView,
     most: float,
-) -> tuple[NDArray[np.uint32], float]:
+) -> tuple[NDArray[np.integer[Any]], float]:
     """Return the kept corners (n, 3) of `branches`, triangles of the trunk, and the change of the level's picture.
 
     At most `most` triangles beside twigs on a cloud stay as they are.

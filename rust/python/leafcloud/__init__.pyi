@@ -980,8 +980,8 @@ def build_chain(
     ``memory_budget``, with ``quality``: MB of the levels' compressed textures.
     ``sizes``, with ``quality``: sizes of the crown where levels take over, as fractions of 1080 lines, descending.
     ``shares``, with ``quality``: levels are drawn with alpha as a share of a pixel, not cut out.
-    ``twigs``, with ``quality``: clouds show the thin branches of ``trunk`` (``Chain.twigs``), unless the tree would then
-    cost more to draw. Draw their trunks without these.
+    ``twigs``, with ``quality``: clouds show the thin branches of ``trunk`` (``Chain.twigs``), unless the tree then
+    costs more to draw. Draw their trunks without these.
     ``form``, with ``quality``: "billboards", "leaves" (level 1 is :class:`LeafLevel`, however little it saves), or
     "auto": leaves where they make the scene a tenth cheaper to draw, and half or a quarter of the leaves where the
     first cloud takes over late.
