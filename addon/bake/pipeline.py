@@ -118,7 +118,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     channels = plan_channels(settings, facts)
     share = translucent.share if "translucency" in channels else 0.0
     lit = is_on(effects, "baked_light") and layer is not None
-    # Only the cross impostor shows the trunk in its textures.
+    # Clouds show no twigs then (`clouds_may_show_twigs`): only the cross impostor shows the trunk in its textures.
     light = light_of(tree, layer, with_trunk=cross and tree.trunk is not None) if lit else None
     sides = (None, None) if light is None else (light.leaves, light.trunk)
     leaves = described_part(tree.leaves, tree.matrix, channels, share, sides[0])
@@ -166,7 +166,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
-        **core_wishes(settings, level_1_form(prepared), twigs=bool(is_on(prepared.effects, "trunk_levels"))),
+        **core_wishes(settings, level_1_form(prepared), twigs=clouds_may_show_twigs(prepared)),
         last=last_form(prepared),
         **chain_options(settings, prepared.facts, prepared.effects),
     )
@@ -180,6 +180,11 @@ def level_1_form(prepared: Prepared) -> Form:
     """
     needs_pages = is_on(prepared.effects, "blend_order") or prepared.light is not None
     return "billboards" if needs_pages and prepared.settings.form == "auto" else prepared.settings.form
+
+
+def clouds_may_show_twigs(prepared: Prepared) -> bool:
+    """Return whether clouds may show thin branches. Baked light is of leaves: trunks are lit by the engine."""
+    return bool(is_on(prepared.effects, "trunk_levels")) and prepared.light is None
 
 
 def last_form(prepared: Prepared) -> Last:

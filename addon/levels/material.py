@@ -283,6 +283,6 @@ def layer_names(materials: Sequence[bpy.types.Material | None]) -> LayerNames:
 
 
 def with_opaque_parts(translucency: NDArray[np.uint8], base_color: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return the translucency page with alpha 0 on opaque texels, such as the trunk in the cross impostor, else 255."""
+    """Return the translucency page with alpha 0 on opaque texels, such as branches and trunk, else 255."""
     opaque = (base_color[..., 3] > 0) & ~translucency[..., :3].any(axis=2)
     return np.dstack([translucency[..., :3], np.where(opaque, 0, 255).astype(np.uint8)])

@@ -41,7 +41,8 @@ class TrunkView:
     """How a level's trunk is seen where the level appears.
 
     level: the leaves or the cloud that hide parts of the trunk. pixel: side of a pixel on the tree, world units.
-    limit: maximum number of triangles. twigs: triangles of the trunk that the cloud shows itself, ascending or not.
+    limit: maximum number of triangles. twigs: triangles of the trunk that the cloud shows itself, those of the cloud
+    before among them.
     """
 
     level: leafcloud.LeafLevel | leafcloud.Level
@@ -165,7 +166,7 @@ def _simplified(
 ) -> tuple[NDArray[np.integer[Any]], float]:
     """Return the kept corners (n, 3) of `branches`, triangles of the trunk, and the change of the level's picture.
 
-    At most `most` triangles beside twigs on a cloud stay as they are.
+    If the cloud shows twigs, and at most `most` triangles are left, these stay as they are.
     """
     if len(branches) < len(geometry.triangles) and len(branches) <= most:
         return 3 * branches[:, None] + np.arange(3, dtype=np.uint32), 0.0

@@ -19,7 +19,7 @@ use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
 use crate::costs::Costs;
-use crate::fewer::{LEAST_BAND, Whole};
+use crate::fewer::{Whole, in_turn};
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
 use crate::twigs::{Twigs, thin_branches, wood};
@@ -45,7 +45,8 @@ const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
 const SHARE_OF_CHOICE: f64 = 0.3;
 const SHARE_OF_CLOUDS: f64 = 0.85;
 
-/// Least side of the page of a cloud after the second.
+/// Clouds that are made however small their pages are, and the least side of the pages of further ones.
+const ON_ANY_PAGE: usize = 2;
 const LEAST_PAGE: usize = 128;
 
 /// Most levels after the leaves: each is a mesh and a hand-over more in the file.
@@ -108,7 +109,7 @@ impl Wanted {
         progress.tell("measure", 0.0)?;
         let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
         let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
-        let thin = trunk.filter(|_| wishes.twigs).map(|trunk| thin_branches(trunk, foliage, CROWNS[CROWNS.len() - 1]));
+        let thin = trunk.filter(|_| wishes.twigs).map(|trunk| thin_branches(trunk, foliage));
         let tree = Tree { foliage, trunk, settings, thin: thin.unwrap_or_default(), fewer: OnceCell::new() };
         let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
         let judged = match wish {
@@ -116,7 +117,10 @@ impl Wanted {
                 let plan = Plan::new(&tree, wishes, &yardstick, progress.part(0.0, SHARE_OF_CHOICE))?;
                 tree.cheapest(&plan, wishes, &yardstick, clouds)?
             }
-            _ => tree.judged(built(foliage, trunk, settings, *wish, clouds)?, wishes, &yardstick, clouds)?,
+            _ => {
+                let built = built(foliage, trunk, settings, *wish, clouds)?;
+                tree.judged(built, wishes, &yardstick, clouds.part(1.0, 1.0))?
+            }
         };
         tree.finished(judged, Some(wishes), *last, progress)
     }
@@ -177,9 +181,12 @@ impl Plan {
             Some(chosen) => steps(wishes, chosen.epsilon, settings.levels, first),
             None => given_steps(wishes, settings.fit.epsilon, settings.levels),
         };
-        // Pages halve from cloud to cloud, and far clouds have a hundred billboards still.
-        let has_room = |number: &usize| *number < 2 || settings.texture_size.width >> number >= LEAST_PAGE;
-        steps.truncate((0..steps.len()).take_while(has_room).count());
+        if !settings.every_level {
+            // Pages halve from cloud to cloud, and far clouds have a hundred billboards still.
+            let side = settings.texture_size.width.min(settings.texture_size.height);
+            let has_room = |number: &usize| *number < ON_ANY_PAGE || side >> number >= LEAST_PAGE;
+            steps.truncate((0..steps.len()).take_while(has_room).count());
+        }
         let settings = ChainSettings { levels: steps.len(), steps, ..settings };
         let twigs = trunk.filter(|_| twigs).map(|trunk| Twigs::of(trunk, foliage, &settings.steps)).transpose()?;
         let twigs = twigs.unwrap_or_default();
@@ -238,7 +245,7 @@ struct Tree<'a> {
     /// The triangles of the thin branches that clouds may show.
     thin: Vec<u32>,
     /// Levels of fewer leaves, once they are known: they are the same for all clouds that are tried.
-    fewer: OnceCell<Vec<Arc<LeafLevel>>>,
+    fewer: OnceCell<Vec<LeafLevel>>,
 }
 
 impl Tree<'_> {
@@ -286,10 +293,10 @@ impl Tree<'_> {
     }
 
     /// Returns the yardstick for a cloud that shows these triangles of the trunk, too; `None` without any.
-    fn yardstick_with(&self, twigs: &[u32], is_later: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
+    fn yardstick_with(&self, twigs: &[u32], is_small: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
         let Some(twigs) = wood(self.trunk, twigs)? else { return Ok(None) };
         let Self { foliage, settings, .. } = self;
-        let largest = match (wishes.is_quick(), is_later) {
+        let largest = match (wishes.is_quick(), is_small) {
             (true, _) => LARGEST_OF_QUICK,
             (false, true) => LARGEST_OF_LATER,
             (false, false) => LARGEST,
@@ -321,7 +328,8 @@ impl Tree<'_> {
             let shown = drawn(level, wishes)?;
             let twigs = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
             if twigs.len() > twigs_before {
-                with_twigs = self.yardstick_with(twigs, number > 0, wishes)?;
+                let is_small = number > 0 && wishes.crown(number).is_none();
+                with_twigs = self.yardstick_with(twigs, is_small, wishes)?;
                 twigs_before = twigs.len();
             }
             let yardstick = with_twigs.as_ref().unwrap_or(yardstick);
@@ -354,9 +362,9 @@ impl Tree<'_> {
         yardstick: &Yardstick,
         progress: Progress,
     ) -> Result<Chosen> {
-        let first_cloud = first_cloud(&chosen).unwrap_or(0.0);
+        let until = first_cloud(&chosen).unwrap_or(0.0);
         let room = MOST_LEVELS.saturating_sub(chosen.takes_over.len() + usize::from(self.settings.cross));
-        if room == 0 || wishes.largest_crown() < LEAST_BAND * first_cloud {
+        if room == 0 || until >= wishes.largest_crown() {
             return Ok(chosen);
         }
         if self.fewer.get().is_none() {
@@ -365,10 +373,9 @@ impl Tree<'_> {
             let found = whole.fewer(wishes, yardstick, self.settings, progress)?;
             self.fewer.get_or_init(|| found);
         }
-        let last_long = |level: &&Arc<LeafLevel>| level.passed.crown >= LEAST_BAND * first_cloud;
-        for level in self.fewer.get().into_iter().flatten().take_while(last_long).take(room) {
+        for level in in_turn(self.fewer.get().map_or(&[], Vec::as_slice), until).into_iter().take(room) {
             chosen.takes_over.insert(chosen.leaf_levels.len(), level.passed);
-            chosen.leaf_levels.push(Arc::clone(level));
+            chosen.leaf_levels.push(Arc::new(level));
         }
         self.cheaper_than_fewer(chosen, wishes)
     }

@@ -6,7 +6,6 @@
 //!
 //! O(shares · pictures). Known limit: the order is random, so gaps between few large leaves show.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -32,7 +31,25 @@ const FEWEST: usize = 200;
 const MOST_KEPT: f64 = 0.75;
 
 /// Least ratio of the size at which such a level takes over to that of the first cloud.
-pub const LEAST_BAND: f64 = 1.5;
+const LEAST_BAND: f64 = 1.5;
+
+/// Returns the levels that are drawn one after another until the crown is `until` pixels large, where the first cloud takes over.
+#[must_use]
+pub fn in_turn(found: &[LeafLevel], until: f64) -> Vec<LeafLevel> {
+    let mut levels: Vec<LeafLevel> = Vec::new();
+    for level in found.iter().take_while(|level| level.passed.crown >= LEAST_BAND * until) {
+        // A level that passes at the size of the one before takes its place.
+        levels.pop_if(|finer| finer.passed.crown < LEAST_STEP * level.passed.crown);
+        levels.push(level.clone());
+    }
+    // Corners move from the places that they have in the level before.
+    for number in (1..levels.len()).rev() {
+        let Some(Kept { triangles, .. }) = levels[number - 1].kept.clone() else { continue };
+        let all = &levels[number].leaves.targets;
+        levels[number].leaves.targets = triangles.iter().map(|&t| all[t as usize]).collect();
+    }
+    levels
+}
 
 /// The tree's leaves, and the leaves from which fewer are taken.
 pub struct Whole<'a> {
@@ -49,7 +66,7 @@ impl Whole<'_> {
         self.simplified.map_or(self.leaves, |level| &level.leaves.foliage)
     }
 
-    /// Returns levels of fewer leaves, finest first.
+    /// Returns levels of fewer leaves, finest first. Each is made from all leaves: [`in_turn`] makes a chain of them.
     ///
     /// # Errors
     /// Those of a render; [`Error::Cancelled`](leafcloud::Error::Cancelled).
@@ -59,14 +76,14 @@ impl Whole<'_> {
         yardstick: &Yardstick,
         settings: &ChainSettings,
         progress: Progress,
-    ) -> Result<Vec<Arc<LeafLevel>>> {
-        let mut levels: Vec<LeafLevel> = Vec::new();
+    ) -> Result<Vec<LeafLevel>> {
+        let mut levels = Vec::new();
         let most = self.simplified.map_or(wishes.largest_crown(), |level| level.passed.crown / LEAST_STEP);
         let least = LEAST_BAND * UNJUDGED;
         let may_be_leaves =
             wishes.free && wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
         if !may_be_leaves || self.base().leaf_count() < FEWEST || most < least {
-            return Ok(Vec::new());
+            return Ok(levels);
         }
         for share in SHARES {
             let started = Instant::now();
@@ -79,8 +96,6 @@ impl Whole<'_> {
             if !passed.passes || passed.crown < least {
                 break;
             }
-            // A level that passes at the size of the one before takes its place.
-            levels.pop_if(|finer| finer.passed.crown < LEAST_STEP * passed.crown);
             let pictures = report_pictures(self.leaves, &foliage, settings)?;
             let leaves = self.moved(foliage, &kept);
             levels.push(LeafLevel {
@@ -91,13 +106,7 @@ impl Whole<'_> {
                 kept: Some(kept),
             });
         }
-        // Corners move from the places that they have in the level before.
-        for number in (1..levels.len()).rev() {
-            let Some(Kept { triangles, .. }) = levels[number - 1].kept.clone() else { continue };
-            let all = &levels[number].leaves.targets;
-            levels[number].leaves.targets = triangles.iter().map(|&t| all[t as usize]).collect();
-        }
-        Ok(levels.into_iter().map(Arc::new).collect())
+        Ok(levels)
     }
 
     /// Returns a share of the leaves, which cover as much as all.

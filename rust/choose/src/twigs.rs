@@ -16,6 +16,9 @@ use leafcloud::lod::CloudStep;
 /// Width of a branch in pixels, where the cloud takes over, up to which the cloud shows it.
 const WIDTH: f64 = 2.0;
 
+/// Diameter of the crown in pixels below which no further branches count as thin: a stem is no twig.
+pub const LEAST_CROWN: f64 = 40.0;
+
 /// Length of the pieces that branches are cut into, in R: each lies on a plane of its own, as leaves do. Whole branches would need large billboards.
 const PIECE: f64 = 0.1;
 
@@ -37,7 +40,7 @@ impl Twigs {
         let mut twigs = Self::default();
         let mut before = 0.0;
         for step in steps {
-            let widest = 2.0 * WIDTH / step.crown_pixels;
+            let widest = 2.0 * WIDTH / step.crown_pixels.max(LEAST_CROWN);
             let found = thin(trunk, leaves, before, widest);
             let foliage = wood(Some(trunk), &found)?.map(|branches| pieces(&branches.double_sided(), leaves));
             twigs.foliage.push(foliage);
@@ -48,20 +51,25 @@ impl Twigs {
     }
 }
 
-/// Returns the triangles of all branches that are thin where the crown is `crown` pixels large.
+/// Returns the triangles of all branches that a cloud may show.
 #[must_use]
-pub fn thin_branches(trunk: &Foliage, leaves: &Foliage, crown: f64) -> Vec<u32> {
-    thin(trunk, leaves, 0.0, 2.0 * WIDTH / crown)
+pub fn thin_branches(trunk: &Foliage, leaves: &Foliage) -> Vec<u32> {
+    thin(trunk, leaves, 0.0, 2.0 * WIDTH / LEAST_CROWN)
 }
 
-/// Returns some triangles of the trunk; `None` without any.
+/// Returns some triangles of the trunk, without those that have no area; `None` without any.
 ///
 /// # Errors
 /// Those of [`Foliage::part`].
 pub fn wood(trunk: Option<&Foliage>, triangles: &[u32]) -> Result<Option<Foliage>> {
-    let Some(trunk) = trunk.filter(|_| !triangles.is_empty()) else { return Ok(None) };
+    let Some(trunk) = trunk else { return Ok(None) };
+    let has_area = |&t: &u32| trunk.area_vector(t as usize).length() > 0.0;
+    let triangles: Vec<u32> = triangles.iter().copied().filter(has_area).collect();
+    if triangles.is_empty() {
+        return Ok(None);
+    }
     let corners: Vec<_> = triangles.iter().map(|&t| trunk.corners(t as usize)).collect();
-    trunk.part(triangles, &corners).map(Some)
+    trunk.part(&triangles, &corners).map(Some)
 }
 
 /// Returns the triangles of the branches that are wider than `narrowest` and at most `widest`, in R of the leaves.

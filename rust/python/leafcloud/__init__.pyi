@@ -661,7 +661,8 @@ class Chain:
         """(t, 3) pivot of each triangle's leaf, the centroid of the leaf's area."""
     @property
     def twigs(self) -> list[NDArray[np.uint32]]:
-        """For each cloud the triangles of the trunk that it shows, with ``twigs=True``."""
+        """For each cloud the triangles of the trunk that it shows, those of the cloud before among them. Empty unless
+        ``quality`` chooses the clouds and ``twigs`` is true."""
     @property
     def growth(self) -> tuple[float, float]:
         """(c₁, c₂) of γ = exp(c₁ L + c₂ L²), L = ln λ. A crown with the fraction λ of its leaves keeps its density if

@@ -6,7 +6,7 @@ use super::{Attributes, Foliage, unmade};
 
 impl Foliage {
     /// Returns these triangles, then those of `wood`, in the frame of these. The parts of `wood` are further leaves without labels. Corners of `wood`
-    /// should lie within the frame: the error bounds of fits are for coordinates of at most 1.
+    /// should lie within the frame, or hardly outside: the error bounds of fits hold for coordinates up to 1.3.
     #[must_use]
     pub fn joined(&self, wood: &Self) -> Self {
         let (vertices, triangles) = (self.positions.len() as u32, self.triangle_count());

@@ -193,7 +193,8 @@ pub fn build_chain_of(
         let fit = FitSettings { whole_leaves, ..fit };
         let opacity = fit.opacity(finer);
         if index == 0 {
-            check_visible(&opacity)?;
+            let of_leaves = with_twigs.is_some().then(|| fit.opacity(foliage));
+            check_visible(of_leaves.as_ref().unwrap_or(&opacity))?;
         }
         let mut step = level::Step {
             finer,
