@@ -16,8 +16,8 @@ from ..settings.bake import BakeSettings
 
 class TrunkLevelsEffect(Effect):
     about = (
-        "Simplify trunk and branches for each cloud; thin branches may be on the clouds themselves. Wanted where a tree "
-        "with a trunk is seen from far away. Off: all clouds have the trunk of LOD 0"
+        "Simplify trunk and branches for each cloud; thin branches may be on the clouds themselves. Wanted where a "
+        "tree with a trunk is seen from far away. Off: all clouds have the trunk of LOD 0"
     )
 
     def rule(self, situation: Situation) -> Rule:
