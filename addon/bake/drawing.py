@@ -11,6 +11,7 @@ import leafcloud
 from ..levels.building import BuiltLevel
 from ..levels.results import LevelResult, level_name
 from ..plan.camera_visibility import pixels_of
+from ..plan.lod_range import View
 from .values import Baked
 
 
@@ -117,8 +118,8 @@ def left_out_reasons(chain: leafcloud.Chain) -> list[str]:
         epsilon = each["epsilon"]
         kind = "the cross impostor" if epsilon is None else f"a cloud with the error bound {epsilon:.3g}"
         reasons.append(
-            f"{kind} was left out: at a crown of {each['crown_pixels']:.0f} pixels drawing it costs as much as "
-            f"{each['cost']['total']:,.0f} fragments, and the level before it {each['before']['total']:,.0f}, "
+            f"{kind} was left out: where the crown is as high as {View().of_height(each['crown_pixels'])}, it costs as "
+            f"much as {each['cost']['total']:,.0f} fragments, and the level before it {each['before']['total']:,.0f}, "
             "but it must save a tenth; `every_level` makes it"
         )
     return reasons

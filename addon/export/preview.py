@@ -151,13 +151,13 @@ def figures_of(row: Mapping[str, Any], radius: float, *, is_shared: bool = False
     if row["texture_size"] is not None:
         width, height = row["texture_size"]
         texture = f"texture {width} × {height}" + (" for all trees" if is_shared else "")
-    distance, crown = row["switch_distance"], row["drawing"]["crown_pixels"]
+    distance, size = row["switch_distance"], row["drawing"]["size"]
     return [
         triangles,
         texture,
         f"image error {row['image_error']:.3f} at 128 pixels",
         f"LOD distance {canvas.number(distance)} ({canvas.number(distance / radius)} R)",
-        f"crown {crown:,.0f} pixels there" if crown >= 10.0 else f"crown {crown:.2g} pixels there",
+        f"crown {size:.{0 if size > 0.095 else 1}%} of the picture's height there",
     ]
 
 

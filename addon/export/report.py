@@ -17,6 +17,7 @@ from ..bake.values import Baked
 from ..levels.building import BuiltLevel
 from ..plan.decision import Decision, is_on
 from ..plan.engine_limits import several_trees_warnings
+from ..plan.lod_range import View
 from ..plan.registry import effect_named
 from ..settings.bake import BakeSettings
 from .gpu_load import GpuLoad
@@ -51,7 +52,7 @@ def report(baked: Baked, write_seconds: Sequence[float], files: Sequence[str], l
     for row, built, cost in zip(levels, baked.levels, costs, strict=True):
         name = built.object.name
         row["drawing"] = {
-            **_drawing(cost),
+            **_drawing(cost, baked.view),
             "gpu_bytes": load.bytes_of(name),
             "texture_bytes": load.texture_bytes_of(name),
             "written_triangles": load.triangles.get(name, 0),
@@ -238,15 +239,17 @@ def _level(
     }
 
 
-def _drawing(cost: LevelDrawing) -> dict[str, Any]:
+def _drawing(cost: LevelDrawing, view: View) -> dict[str, Any]:
     """Return what a level costs to draw where it takes over, LOD 0 where level 1 does.
 
-    crown_pixels: diameter of the crown's sphere there. fragments: without the trunk, which has trunk_fragments.
+    crown_pixels: diameter of the crown's sphere there. size: that as a fraction of the picture's height. fragments:
+    without the trunk, which has trunk_fragments.
     fragments_before, fragments_leaves: those of the level before and of LOD 0 there, without trunks. area: of all drawn
     sides, relative to LOD 0's. cheaper: how many times cheaper the level is to draw than LOD 0, with trunks.
     """
     return {
         "crown_pixels": cost.crown_pixels,
+        "size": cost.crown_pixels / view.resolution,
         "fragments": cost.own["fragments"],
         "fragments_before": cost.before["fragments"],
         "fragments_leaves": cost.leaves["fragments"],

@@ -168,10 +168,18 @@ def _tried(tried: Sequence[Row]) -> str:
 
 def drawing_table(names: Sequence[str], levels: Sequence[Row]) -> str:
     """Return the table of the costs of drawing."""
-    heads = ["Level", "Crown pixels", "Fragments", "of the level before", "of the leaves", "of the trunk", "Layers"]
-    keys = ["crown_pixels", "fragments", "fragments_before", "fragments_leaves", "trunk_fragments"]
+    heads = [
+        "Level", "Crown's height, of the picture", "Fragments", "of the level before", "of the leaves", "of the trunk",
+        "Layers",
+    ]  # fmt: skip
+    keys = ["fragments", "fragments_before", "fragments_leaves", "trunk_fragments"]
     rows = [
-        [name, *(f"{level['drawing'][key]:,.0f}" for key in keys), f"{level['drawing']['layers']:.2f}"]
+        [
+            name,
+            f"{level['drawing']['size']:.1%}",
+            *(f"{level['drawing'][key]:,.0f}" for key in keys),
+            f"{level['drawing']['layers']:.2f}",
+        ]
         for name, level in zip(names, levels, strict=True)
     ]
     return _table(heads, rows)

@@ -39,6 +39,11 @@ class View:
     resolution: float = 1080.0
     field_of_view: float = math.radians(50.0)
 
+    def of_height(self, pixels: float) -> str:
+        """Return a length in the picture as text, as a percentage of the picture's height."""
+        share = 100.0 * pixels / self.resolution
+        return f"{share:.0f} % of the picture's height" if share >= 9.5 else f"{share:.1f} % of the picture's height"
+
 
 @dataclass(frozen=True)
 class LodRange:

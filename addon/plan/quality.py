@@ -70,8 +70,8 @@ def quality_warnings(chain: leafcloud.Chain) -> list[str]:
         judged = taken["judged"]
         remedy = "leave it out with `cross=False`" if shows_trunk(level) else "raise `memory_budget` or `triangles`"
         warnings.append(
-            f"level {number} does not look like the leaves even where the crown is {taken['crown_pixels']:.0f} pixels "
-            f"high, by its {judged['by']}: {judged['excess']:.1f} times what `quality` allows; it takes over there: "
+            f"level {number} does not look like the leaves even at {View().of_height(taken['crown_pixels'])}, "
+            f"by its {judged['by']}: {judged['excess']:.1f} times what `quality` allows; it takes over there: "
             f"lower `quality`, or {remedy}"
         )
     return warnings

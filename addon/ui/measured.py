@@ -146,6 +146,6 @@ def tell(tree: Baked) -> None:
     keep_thumbnails([level.object for level in tree.levels], chain.levels)
     for number, cost in enumerate(costs[1:], start=1):
         times = f"{cost.cheaper:.1f} × cheaper" if cost.cheaper >= 1.0 else f"{1.0 / cost.cheaper:.1f} × dearer"
-        _told.append(f"Level {number}: {times} to draw than the leaves at {cost.crown_pixels:.0f} px")
+        _told.append(f"Level {number}: {times} to draw than the leaves at {tree.view.of_height(cost.crown_pixels)}")
     if chain.left_out:
         _told.append(f"Left out, no cheaper: {len(chain.left_out)} of {len(chain.left_out) + len(chain.levels)} levels")

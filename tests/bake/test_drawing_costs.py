@@ -21,7 +21,8 @@ from addon.export.gpu_load import GpuLoad, image_size
 from addon.export.report import texture_warnings
 
 KEYS = {
-    "crown_pixels", "fragments", "fragments_before", "fragments_leaves", "trunk_fragments", "layers", "area", "cheaper",
+    "crown_pixels", "size", "fragments", "fragments_before", "fragments_leaves", "trunk_fragments", "layers", "area",
+    "cheaper",
     "gpu_bytes", "texture_bytes", "written_triangles",
 }  # fmt: skip
 
@@ -41,6 +42,7 @@ def test_every_level_tells_its_cost_where_it_takes_over(baked: tuple[Path, dict[
         assert set(drawing) == KEYS
         # A view of 1080 rows and 50°.
         rows_high = 2.0 * math.tan(math.radians(25.0)) * level["switch_distance"]
+        assert drawing["size"] == drawing["crown_pixels"] / 1080
         assert drawing["crown_pixels"] == pytest.approx(1080 * 2.0 * report["input"]["radius"] / rows_high)
         assert 0.0 < drawing["fragments"] < drawing["fragments_leaves"] * drawing["layers"]
         assert (drawing["trunk_fragments"] > 0.0) == (level["trunk_triangles"] > 0)
@@ -116,7 +118,7 @@ def test_a_tree_of_one_leaf_needs_no_levels(tmp_path: Path) -> None:
     done = run("--input", leaf, "--out", tmp_path / "out", "--texture-size", 64)
     assert done.returncode == 0, done.stderr
     assert "leaf: 2 levels" in done.stdout
-    assert done.stderr.count("was left out: at a crown of") == 3
+    assert done.stderr.count("was left out: where the crown is as high as") == 3
     assert "--every-level makes it" in done.stderr
     assert "the tree needs no levels" in done.stderr
 

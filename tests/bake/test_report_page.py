@@ -89,7 +89,8 @@ def test_the_page_has_the_figures_of_every_level(baked: tuple[Path, dict[str, An
     shown = {"Leaves", "Level 1", "Level 2", "Cross impostor"}
     for level in report["levels"]:
         shown |= {f"{level['triangles']:,}", f"{level['image_error']:.3f}", canvas.number(level["switch_distance"])}
-        shown |= {f"{level['drawing'][key]:,.0f}" for key in ("crown_pixels", "fragments", "trunk_fragments")}
+        shown |= {f"{level['drawing'][key]:,.0f}" for key in ("fragments", "trunk_fragments")}
+        shown.add(f"{level['drawing']['size']:.1%}")
         size = level["texture_size"]
         shown |= {f"{size[0]} × {size[1]}"} if size else set()
     shown |= {effect["reason"] for effect in report["effects"]} | set(report["files"])

@@ -41,7 +41,7 @@ def test_a_level_that_looks_different_is_named_unless_it_is_too_small_to_see() -
     sizes = [taken(300.0), taken(40.0, passes=False), taken(10.0, passes=False)]
     chain: Any = SimpleNamespace(levels=levels, takes_over=sizes)
     [warning] = quality_warnings(chain)
-    assert warning.startswith("level 2 does not look like the leaves even where the crown is 40 pixels high")
+    assert warning.startswith("level 2 does not look like the leaves even at 3.7 % of the picture's height")
     assert "by its contrast: 1.6 times what `quality` allows" in warning
 
 
