@@ -29,6 +29,9 @@ use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 /// Side of the largest pictures of leaves with their trunk: impostors take over where the crown is small.
 const LARGEST_OF_IMPOSTORS: usize = 64;
 
+/// Least size at which an octahedral impostor replaces all clouds, as a share of that of the first cloud.
+const AS_EARLY: f64 = 0.8;
+
 /// Greatest excess with which a cloud takes over that passes nowhere, where it is closest to passing. The bake says so.
 const NEARLY: f64 = 2.0;
 
@@ -308,11 +311,12 @@ impl Tree<'_> {
         Costs::of(self.foliage, self.trunk, &self.thin, self.settings.up, chosen)
     }
 
-    /// Returns the mean of the logarithm of the cost of drawing the tree ([`Costs::mean`]).
+    /// Returns what the tree costs to draw, to compare chains ([`Costs::of_scenes`]).
     fn cost(&self, chosen: &Chosen, wishes: &Wishes) -> Result<f64> {
         let clouds = chosen.chain.levels.iter().filter(|level| !level.is_cross()).map(|level| drawn(level, wishes));
         let leaves = std::iter::once(self.foliage).chain(chosen.leaf_levels.iter().map(|level| &level.leaves.foliage));
-        self.costs(chosen)?.mean(&leaves.collect::<Vec<_>>(), &clouds.collect::<Result<Vec<_>>>()?, chosen)
+        let (leaves, clouds) = (leaves.collect::<Vec<_>>(), clouds.collect::<Result<Vec<_>>>()?);
+        self.costs(chosen)?.of_scenes(wishes.scene, &leaves, &clouds, chosen)
     }
 
     /// Finds where leaves and clouds take over. Fewer leaves come before the clouds, where they look like the leaves.
@@ -396,8 +400,22 @@ impl Tree<'_> {
         Ok(chosen)
     }
 
-    /// Adds the octahedral impostor, and finds where the last level takes over.
+    /// Adds the last level. Where an octahedral impostor takes over nearly as early as the first cloud, it is drawn in place of all clouds.
     fn finished(&self, chosen: Chosen, wishes: Option<&Wishes>, last: Last, progress: Progress) -> Result<Chosen> {
+        let crown = first_cloud(&chosen).unwrap_or(f64::INFINITY);
+        let may_replace = last == Last::Auto && !self.settings.every_level && chosen.offer.is_none();
+        if may_replace && AS_EARLY * crown <= LARGEST_OF_IMPOSTORS as f64 {
+            let without = self.with_last(without_clouds(chosen.clone()), wishes, last, progress)?;
+            let takes_over = without.takes_over.last().map_or(0.0, |passed| passed.crown);
+            if without.octahedral.is_some() && takes_over >= AS_EARLY * crown {
+                return Ok(without);
+            }
+        }
+        self.with_last(chosen, wishes, last, progress)
+    }
+
+    /// Adds the octahedral impostor, and finds where the last level takes over.
+    fn with_last(&self, chosen: Chosen, wishes: Option<&Wishes>, last: Last, progress: Progress) -> Result<Chosen> {
         let Some(cross) = chosen.chain.levels.last().filter(|level| level.is_cross()) else { return Ok(chosen) };
         if wishes.is_none() && last != Last::Octahedral {
             return Ok(chosen);
@@ -428,6 +446,15 @@ impl Tree<'_> {
         takes_over.extend(passed);
         Ok(Chosen { takes_over, plain: Some(of_cross), octahedral: Some(Arc::new(impostor)), ..chosen })
     }
+}
+
+/// Returns the chain with leaves and impostor only.
+fn without_clouds(chosen: Chosen) -> Chosen {
+    let Chosen { chain, mut takes_over, .. } = chosen;
+    let mut chain = Arc::unwrap_or_clone(chain);
+    chain.levels.retain(Level::is_cross);
+    takes_over.truncate(chosen.leaf_levels.len());
+    Chosen { chain: Arc::new(chain), takes_over, twigs: Vec::new(), ..chosen }
 }
 
 /// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them.

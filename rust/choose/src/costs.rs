@@ -12,6 +12,7 @@ use leafcloud::metrics::{DrawingCost, drawing_cost};
 use leafcloud::{Foliage, Progress};
 
 use crate::chain::Chosen;
+use crate::scene::{HORIZON, Scene};
 use crate::twigs::wood;
 
 /// Diameter of the crown in pixels where a level takes over at the latest.
@@ -21,8 +22,8 @@ const LEAST_CROWN: f64 = 16.0;
 const MOST_FRAGMENTS: f64 = 1.25;
 const FEW_PIXELS: f64 = 100.0;
 
-/// Diameters of the crown in pixels at which chains are compared: half an octave apart, so that every octave of distances counts alike.
-const SIZES: [f64; 10] = [380.0, 270.0, 190.0, 135.0, 95.0, 67.0, 48.0, 34.0, 24.0, 17.0];
+/// Chains are compared to the scene's horizon and to this multiple of it: levels of small crowns should be cheap, too.
+const BEYOND: f64 = 4.0;
 
 /// Fewest triangles of a simplified trunk.
 const FEWEST_OF_TRUNKS: usize = 250;
@@ -93,19 +94,21 @@ impl<'a> Costs<'a> {
         Ok(size.max(LEAST_CROWN.min(crown)))
     }
 
-    /// Returns the mean of the logarithm of the cost over [`SIZES`]. `leaves`: the levels of leaves, the tree's own first. `clouds`: as they are drawn.
+    /// Returns the mean of the logarithms of the costs of the scene and of one to [`BEYOND`] times its horizon. `leaves`: the levels of leaves, the
+    /// tree's own first. `clouds`: as they are drawn.
     ///
     /// # Errors
     /// Those of [`drawing_cost`].
-    pub fn mean(&self, leaves: &[&Foliage], clouds: &[Foliage], chosen: &Chosen) -> Result<f64> {
+    pub fn of_scenes(&self, horizon: f64, leaves: &[&Foliage], clouds: &[Foliage], chosen: &Chosen) -> Result<f64> {
         let levels: Vec<&Foliage> = leaves.iter().copied().chain(clouds).collect();
         let cost = |size: f64| {
             let number =
                 chosen.takes_over.iter().take_while(|passed| passed.crown >= size).count().min(levels.len() - 1);
-            let parts = self.with(levels[number], number.checked_sub(leaves.len()));
-            Ok(libm::log(self.at(&parts, size)?.total()))
+            Ok(self.at(&self.with(levels[number], number.checked_sub(leaves.len())), size)?.total())
         };
-        SIZES.into_iter().map(cost).sum::<Result<f64>>().map(|sum| sum / SIZES.len() as f64)
+        let horizons = [horizon, (BEYOND * horizon).min(HORIZON.high)];
+        let [near, far] = horizons.map(|horizon| Scene::to(horizon)?.total(cost).map(libm::log));
+        Ok(0.5 * (near? + far?))
     }
 }
 

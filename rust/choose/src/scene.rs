@@ -18,6 +18,9 @@ pub const NEAREST: f64 = 1080.0;
 /// Range of the distance to the horizon in R.
 pub const HORIZON: Limits = Limits::between(5.0, 100_000.0);
 
+/// Parts of a ring within which trees are taken as equally large.
+const PARTS: i32 = 4;
+
 /// A part of the plantation.
 #[derive(Clone, Copy, Debug)]
 struct Ring {
@@ -56,6 +59,22 @@ impl Scene {
         let count = libm::log2(NEAREST / farthest).ceil().max(1.0) as i32;
         let size = |i: i32| NEAREST * libm::pow(farthest / NEAREST, f64::from(i) / f64::from(count));
         Ok(Self { rings: (0..count).map(|i| Ring { near: size(i), far: size(i + 1) }).collect() })
+    }
+
+    /// Returns the cost of the scene, on any scale, if a tree of a size costs `cost`. Each ring counts in [`PARTS`] parts.
+    ///
+    /// # Errors
+    /// Those of `cost`.
+    pub fn total(&self, cost: impl Fn(f64) -> Result<f64>) -> Result<f64> {
+        let parts = |ring: &Ring| {
+            let size = |part: i32| ring.near * libm::pow(ring.far / ring.near, f64::from(part) / f64::from(PARTS));
+            std::array::from_fn::<_, { PARTS as usize }, _>(|part| Ring {
+                near: size(part as i32),
+                far: size(part as i32 + 1),
+            })
+        };
+        let of_part = |part: Ring| cost(part.middle()).map(|cost| part.beyond(part.near) * cost);
+        self.rings.iter().flat_map(parts).map(of_part).sum()
     }
 
     /// Returns the diameter of the farthest crown in pixels.
@@ -104,6 +123,16 @@ mod tests {
             assert!((at(distance) - expected).abs() < 1e-9, "{distance} R: {} {expected}", at(distance));
         }
         assert!((scene.farthest() - 46.26).abs() < 1e-9);
+    }
+
+    #[test]
+    fn all_trees_count_once() {
+        // The number of trees between two sizes, by hand: on the scale of `total` far⁻² − near⁻².
+        let scene = Scene::to(50.0).unwrap();
+        let far = |size: f64| Ok(if size < 100.0 { 1.0 } else { 0.0 });
+        let (all, few) = (scene.total(|_| Ok(1.0)).unwrap(), scene.total(far).unwrap());
+        assert!((all - (scene.farthest().powi(-2) - NEAREST.powi(-2))).abs() < 1e-12, "{all}");
+        assert!((few / all - 0.79).abs() < 0.05, "trees beyond 23 R of those to 50 R: {}", few / all);
     }
 
     #[test]
