@@ -30,7 +30,9 @@ fn sizes(chosen: &Chosen) -> Vec<f64> {
 
 #[test]
 fn levels_take_over_where_they_look_like_the_leaves_one_after_another() {
-    let found = chosen(&crown_of(1500, 0.04), Wishes { quality: 0.3, ..small() });
+    let wishes = Wishes { quality: 0.3, ..small() };
+    let settings = ChainSettings { levels: 2, ..ChainSettings::default() };
+    let found = built(&crown_of(1500, 0.04), settings, Some(wishes), Last::Cross).unwrap();
     let clouds = found.chain.levels.iter().filter(|level| !level.is_cross()).count();
     assert!(clouds > 0 && found.takes_over.len() == found.chain.levels.len());
     for passed in &found.takes_over[..clouds] {
