@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use leafcloud::error::Result;
 use leafcloud::lod::{self, Chain, ChainSettings, Level, Octahedral, Origin, ViewCounts};
-use leafcloud::{Foliage, Progress};
+use leafcloud::{Error, Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
@@ -184,7 +184,7 @@ impl Plan {
             Some(chosen) => steps(wishes, chosen.epsilon, settings.levels, first),
             None => given_steps(wishes, settings.fit.epsilon, settings.levels),
         };
-        if !settings.every_level {
+        if wishes.sizes.is_empty() {
             // Pages halve from cloud to cloud, and far clouds have a hundred billboards still.
             let side = settings.texture_size.width.min(settings.texture_size.height);
             let has_room = |number: &usize| *number < ON_ANY_PAGE || side >> number >= LEAST_PAGE;
@@ -252,17 +252,27 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
-    /// Builds the clouds for the plan with thin branches; if they take over late then, without them, too. Returns the clouds with which the tree is
-    /// cheaper to draw.
+    /// Builds the clouds for the plan with thin branches; if they take over late then, or one does not look like the leaves, without them, too.
+    /// Returns the clouds that all look like the leaves, or with which the tree is cheaper to draw.
     fn cheapest(&self, plan: &Plan, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
         let [with, without] = [(0.0, 0.5), (0.5, 1.0)].map(|(from, to)| progress.part(from, to));
         let twigs = !self.thin.is_empty();
-        let best = self.cheapest_of(plan, twigs, wishes, yardstick, with)?;
-        if !twigs || first_cloud(&best).is_some_and(|crown| crown >= CROWNS[1]) {
+        let best = match self.cheapest_of(plan, twigs, wishes, yardstick, with) {
+            // Branches may need more billboards than a small page holds.
+            Err(Error::Invalid(_)) if twigs => return self.cheapest_of(plan, false, wishes, yardstick, without),
+            best => best?,
+        };
+        let passes = |chosen: &Chosen| chosen.takes_over.iter().all(|passed| passed.passes);
+        if !twigs || passes(&best) && first_cloud(&best).is_some_and(|crown| crown >= CROWNS[1]) {
             return Ok(best);
         }
         let other = self.cheapest_of(plan, false, wishes, yardstick, without)?;
-        Ok(if self.cost(&other, wishes)? < self.cost(&best, wishes)? { other } else { best })
+        let is_better = match [&other, &best].map(passes) {
+            [true, false] => true,
+            [false, true] => false,
+            _ => self.cost(&other, wishes)? < self.cost(&best, wishes)?,
+        };
+        Ok(if is_better { other } else { best })
     }
 
     /// Builds the clouds, and finds where they take over. Where the first one would take over only at the size of the second, the second is built
