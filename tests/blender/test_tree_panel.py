@@ -34,7 +34,7 @@ def bake(shrub: Path) -> dict[str, set[str]]:
     bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
     kept = names()
     settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.epsilon, settings.every_level = 64, 1, 0.2, True
+    settings.texture_size, settings.levels, settings.epsilon, settings.every_level = 128, 1, 0.1, True
     settings.quality = 0.1
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     return kept
