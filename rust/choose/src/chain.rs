@@ -296,7 +296,11 @@ impl Tree<'_> {
             if first_cloud(&best).is_some_and(|found| found >= crown) {
                 break;
             }
-            let next = judged(first)?;
+            let next = match judged(first) {
+                // A chain that cannot be built is no better.
+                Err(Error::Invalid(_)) => break,
+                next => next?,
+            };
             if self.cost(&next, wishes)? >= self.cost(&best, wishes)? {
                 break;
             }
