@@ -157,7 +157,7 @@ fn built(
     })
 }
 
-/// What is chosen before the clouds are built.
+/// The simplified leaves and the ε that a chain's clouds are built with.
 struct Plan {
     leaf_level: Option<Arc<LeafLevel>>,
     tried: Vec<TriedEpsilon>,

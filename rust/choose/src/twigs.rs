@@ -1,7 +1,7 @@
 //! Which branches are thin enough to be shown by clouds.
 //!
-//! A trunk of a few hundred triangles has lost its twigs, and with them up to a tenth of what a tree covers (a birch: color 0.02 off). Most triangles of a
-//! trunk are in branches that are a pixel or two wide where a cloud takes over: there a cloud shows them as well as it shows leaves.
+//! A trunk of a few hundred triangles has no twigs, and the mean color of the tree is wrong (a birch: by 0.02). Most triangles of a trunk are in
+//! branches that are at most two pixels wide at the size where a cloud takes over. There a cloud shows them as well as it shows leaves.
 //!
 //! The parts of a trunk are its connected components. The width of a part is that of a tube of its area and length, `area / (π · length)`. Known
 //! limit: branches that are one mesh with the stem stay with it. O(triangles).
@@ -135,7 +135,7 @@ mod tests {
         Foliage::new(&positions, faces.collect(), Attributes::default(), vec![]).unwrap()
     }
 
-    /// A square whose frame has its center at the origin and R = 1.
+    /// A square around the origin. Its corners are 1 away from it, so local coordinates are those of the caller.
     fn leaves() -> Foliage {
         let half = 0.5f64.sqrt();
         let corners = [(-half, -half), (half, -half), (half, half), (-half, half)].map(|(x, y)| DVec3::new(x, y, 0.0));

@@ -167,34 +167,7 @@ pub fn share_pages(py: Python<'_>, chains: Vec<Bound<'_, PyChain>>) -> PyResult<
 }
 
 fn share_all(chains: &[Arc<Chain>]) -> Result<Vec<Chain>, Error> {
-    let empty = |chain: &Arc<Chain>| {
-        let Chain {
-            left_out,
-            ranks,
-            pivots,
-            growth,
-            contrast,
-            kept,
-            whole,
-            twigs,
-            measuring_seconds,
-            prepare_seconds,
-            ..
-        } = chain.as_ref();
-        Chain {
-            levels: Vec::new(),
-            left_out: left_out.clone(),
-            ranks: ranks.clone(),
-            pivots: pivots.clone(),
-            growth: *growth,
-            contrast: *contrast,
-            kept: kept.clone(),
-            whole: whole.clone(),
-            twigs: twigs.clone(),
-            measuring_seconds: *measuring_seconds,
-            prepare_seconds: *prepare_seconds,
-        }
-    };
+    let empty = |chain: &Arc<Chain>| Chain { levels: Vec::new(), ..chain.as_ref().clone() };
     let mut shared: Vec<Chain> = chains.iter().map(empty).collect();
     for number in 0..chains.iter().map(|chain| chain.levels.len()).max().unwrap_or(0) {
         let (owners, levels): (Vec<usize>, Vec<&Level>) =

@@ -1,5 +1,5 @@
-//! Thin branches on clouds. A trunk keeps few triangles at a distance, so its twigs vanish, and with them a share of what a tree covers. On a cloud
-//! they cost no triangle: they are fitted and baked like leaves.
+//! Thin branches on clouds: they are fitted and baked like leaves. In the simplified trunk of a level they would need triangles of their own, and most
+//! would be left out.
 
 use super::references::References;
 use super::settings::ChainSettings;
