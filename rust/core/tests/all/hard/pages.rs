@@ -107,6 +107,7 @@ fn image(width: usize, height: usize, alpha: impl Fn(usize) -> u8) -> Image {
 
 fn chain(foliage: &Foliage) -> leafcloud::Result<Chain> {
     let settings = ChainSettings {
+        levels: 2,
         texture_size: 512.into(),
         samples: Samples::new(4).unwrap(),
         fit: quick(),
