@@ -23,9 +23,9 @@ class LeafMoves:
     pivot_targets: NDArray[np.float64]
 
 
-def moves_to_leaves(level: leafcloud.LeafLevel, pivots: NDArray[np.float64]) -> LeafMoves:
-    """Return the moves of leaves with `pivots` (t, 3) onto the leaves of `level`. They are on no billboard."""
-    return LeafMoves(np.full(len(pivots), NO_BILLBOARD, np.int32), level.targets, pivots)
+def moves_to_leaves(level: leafcloud.LeafLevel) -> LeafMoves:
+    """Return the moves of the level before onto the leaves of `level`. They are on no billboard."""
+    return LeafMoves(np.full(len(level.targets), NO_BILLBOARD, np.int32), level.targets, level.pivot_targets)
 
 
 def leaf_moves(chain: leafcloud.Chain, chain_pivots: NDArray[np.float64]) -> LeafMoves:

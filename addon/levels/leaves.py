@@ -46,7 +46,7 @@ def leaf_object(build: Build) -> bpy.types.Object:
 def later_leaf_object(level: leafcloud.LeafLevel, number: int, build: Build) -> bpy.types.Object:
     """Create the object of a later level of leaves. They have the materials of the tree's own leaves."""
     own = level.corners[:, 0] // 3
-    leaf_ids, pivots = build.foliage.leaf_ids[own], build.chain.pivots[own]
+    leaf_ids, pivots = build.foliage.leaf_ids[own], level.pivots
     geometry = _placed(build.tree.leaves, level, leaf_ids)
     shape = _shape(geometry, leaf_ids, pivots, _moves(number, pivots, build), build)
     name = f"{build.name}_LOD{number}"
@@ -67,7 +67,7 @@ def _moves(number: int, pivots: NDArray[np.float64], build: Build) -> LeafMoves 
     if not build.has("transitions"):
         return None
     if number < len(levels):
-        return moves_to_leaves(levels[number], pivots)
+        return moves_to_leaves(levels[number])
     if chain.clouds[0].cloud is None:
         return None
     if not levels or levels[-1].kept is None:

@@ -3,8 +3,8 @@
 //! 1. Simplified leaves are level 1 where leaves have several triangles and the scene gets cheaper ([`crate::leaves`]).
 //! 2. Drafts find the ε that the quality allows ([`crate::clouds`]). Pages get the texels that the memory allows.
 //! 3. The clouds are built, each for a size. One that does not save half of the cost of the level before is left out.
-//! 4. The yardstick tells the largest size at which each level passes, with the page that files hold. It takes over there.
-//! 5. Fewer leaves fill the gap before the first cloud ([`crate::fewer`]).
+//! 4. The yardstick tells the largest size at which each level passes, with the page that files hold ([`crate::settle`]).
+//! 5. Of these and of levels of fewer leaves ([`crate::fewer`]), the cheapest walk through the scene is drawn ([`crate::walk`]).
 //! 6. The octahedral impostor follows where it passes ([`crate::last`]).
 //!
 //! The choice depends on FLIP, whose last digits differ between machines. Figures are rounded where ε follows from them.
@@ -18,12 +18,12 @@ use leafcloud::{Error, Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
-use crate::costs::Costs;
-use crate::fewer::{Whole, in_turn};
+use crate::costs::Prices;
 use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
-use crate::twigs::{Twigs, thin_branches, wood};
-use crate::wishes::{LARGEST_CROWN, LATER_CROWN, Wishes};
+use crate::settle::{LARGEST_OF_QUICK, Settled, drawn};
+use crate::twigs::{Twigs, thin_branches};
+use crate::wishes::{LARGEST_CROWN, Wishes};
 use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 
 /// Side of the largest pictures of leaves with their trunk: impostors take over where the crown is small.
@@ -31,15 +31,6 @@ const LARGEST_OF_IMPOSTORS: usize = 64;
 
 /// Least size at which an octahedral impostor replaces all clouds, as a share of that of the first cloud.
 const AS_EARLY: f64 = 0.8;
-
-/// Greatest excess with which a cloud takes over that passes nowhere, where it is closest to passing. The bake says so.
-const NEARLY: f64 = 2.0;
-
-/// Side of the largest pictures for clouds after the first: they take over at up to [`LATER_CROWN`] pixels.
-const LARGEST_OF_LATER: usize = 256;
-
-/// Side of the largest pictures of a quick choice.
-const LARGEST_OF_QUICK: usize = 128;
 
 /// Most views of a quick choice.
 const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
@@ -52,8 +43,8 @@ const SHARE_OF_CLOUDS: f64 = 0.85;
 const ON_ANY_PAGE: usize = 2;
 const LEAST_PAGE: usize = 128;
 
-/// Most levels after the leaves: each is a mesh and a hand-over more in the file.
-const MOST_LEVELS: usize = 5;
+/// Least gain in the logarithm of the cost for which clouds are built anew.
+const LEAST_GAIN: f64 = 0.05;
 
 /// A chain that is wanted.
 pub struct Wanted {
@@ -102,8 +93,7 @@ impl Wanted {
         let Some(wishes) = wishes else {
             let clouds = progress.part(0.0, if *last == Last::Cross { 1.0 } else { SHARE_OF_CLOUDS });
             let built = built(foliage, trunk, settings, *wish, clouds)?;
-            return Tree { foliage, trunk, settings, thin: Vec::new(), fewer: OnceCell::new() }
-                .finished(built, None, *last, progress);
+            return Tree::new(foliage, trunk, settings, Vec::new()).finished(built, None, *last, progress);
         };
         wishes.check()?;
         let settings = if wishes.is_quick() { with_fewer_views(settings) } else { settings.clone() };
@@ -113,7 +103,7 @@ impl Wanted {
         let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
         let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
         let thin = trunk.filter(|_| wishes.twigs).map(|trunk| thin_branches(trunk, foliage));
-        let tree = Tree { foliage, trunk, settings, thin: thin.unwrap_or_default(), fewer: OnceCell::new() };
+        let tree = Tree::new(foliage, trunk, settings, thin.unwrap_or_default());
         let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
         let judged = match wish {
             None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
@@ -122,7 +112,7 @@ impl Wanted {
             }
             _ => {
                 let built = built(foliage, trunk, settings, *wish, clouds)?;
-                tree.judged(built, wishes, &yardstick, clouds.part(1.0, 1.0))?
+                tree.judged(built, wishes, &yardstick, clouds.part(1.0, 1.0))?.chosen
             }
         };
         tree.finished(judged, Some(wishes), *last, progress)
@@ -211,7 +201,7 @@ impl Plan {
 }
 
 /// Returns the diameter of the crown in pixels where the first cloud takes over.
-fn first_cloud(chosen: &Chosen) -> Option<f64> {
+pub(crate) fn first_cloud(chosen: &Chosen) -> Option<f64> {
     chosen.takes_over.get(chosen.leaf_levels.len()).map(|passed| passed.crown)
 }
 
@@ -241,14 +231,20 @@ fn with_fewer_views(settings: &ChainSettings) -> ChainSettings {
 }
 
 /// A tree with the settings of its chain.
-struct Tree<'a> {
-    foliage: &'a Foliage,
-    trunk: Option<&'a Foliage>,
-    settings: &'a ChainSettings,
+pub(crate) struct Tree<'a> {
+    pub foliage: &'a Foliage,
+    pub trunk: Option<&'a Foliage>,
+    pub settings: &'a ChainSettings,
     /// The triangles of the thin branches that clouds may show.
-    thin: Vec<u32>,
+    pub thin: Vec<u32>,
     /// Levels of fewer leaves, once they are known: they are the same for all clouds that are tried.
-    fewer: OnceCell<Vec<LeafLevel>>,
+    pub fewer: OnceCell<Vec<(LeafLevel, Prices)>>,
+}
+
+impl<'a> Tree<'a> {
+    fn new(foliage: &'a Foliage, trunk: Option<&'a Foliage>, settings: &'a ChainSettings, thin: Vec<u32>) -> Self {
+        Self { foliage, trunk, settings, thin, fewer: OnceCell::new() }
+    }
 }
 
 impl Tree<'_> {
@@ -259,24 +255,21 @@ impl Tree<'_> {
         let twigs = !self.thin.is_empty();
         let best = match self.cheapest_of(plan, twigs, wishes, yardstick, with) {
             // Branches may need more billboards than a small page holds.
-            Err(Error::Invalid(_)) if twigs => return self.cheapest_of(plan, false, wishes, yardstick, without),
+            Err(Error::Invalid(_)) if twigs => {
+                return self.cheapest_of(plan, false, wishes, yardstick, without).map(|built| built.chosen);
+            }
             best => best?,
         };
-        let passes = |chosen: &Chosen| chosen.takes_over.iter().all(|passed| passed.passes);
-        if !twigs || passes(&best) && first_cloud(&best).is_some_and(|crown| crown >= CROWNS[1]) {
-            return Ok(best);
+        let is_early = |crown: f64| crown >= CROWNS[1];
+        if !twigs || best.walk.passes && first_cloud(&best.chosen).is_some_and(is_early) {
+            return Ok(best.chosen);
         }
         let other = self.cheapest_of(plan, false, wishes, yardstick, without)?;
-        let is_better = match [&other, &best].map(passes) {
-            [true, false] => true,
-            [false, true] => false,
-            _ => self.cost(&other, wishes)? < self.cost(&best, wishes)?,
-        };
-        Ok(if is_better { other } else { best })
+        Ok(if other.walk.is_better(&best.walk) { other.chosen } else { best.chosen })
     }
 
-    /// Builds the clouds, and finds where they take over. Where the first one would take over only at the size of the second, the second is built
-    /// from the leaves in its place, if the tree is then cheaper to draw.
+    /// Builds the clouds, and finds where they take over. Where the first one would take over only at the size of the second, or a walk without it
+    /// would be cheaper, the second is built from the leaves in its place, if the tree is then cheaper to draw.
     fn cheapest_of(
         &self,
         plan: &Plan,
@@ -284,7 +277,7 @@ impl Tree<'_> {
         wishes: &Wishes,
         yardstick: &Yardstick,
         progress: Progress,
-    ) -> Result<Chosen> {
+    ) -> Result<Settled> {
         let judged = |first: usize| {
             let done = |tries: usize| 1.0 - libm::pow(0.5, tries as f64);
             let part = progress.part(done(first), done(first + 1));
@@ -293,7 +286,8 @@ impl Tree<'_> {
         let mut best = judged(0)?;
         let choices = if plan.tried.is_empty() || self.settings.every_level { 1 } else { self.settings.levels };
         for (first, crown) in CROWNS.into_iter().enumerate().take(choices).skip(1) {
-            if first_cloud(&best).is_some_and(|found| found >= crown) {
+            let is_early = first_cloud(&best.chosen).is_some_and(|found| found >= crown);
+            if is_early && best.without_first > best.walk.cost - LEAST_GAIN {
                 break;
             }
             let next = match judged(first) {
@@ -301,117 +295,12 @@ impl Tree<'_> {
                 Err(Error::Invalid(_)) => break,
                 next => next?,
             };
-            if self.cost(&next, wishes)? >= self.cost(&best, wishes)? {
+            if !next.walk.is_better(&best.walk) {
                 break;
             }
             best = next;
         }
         Ok(best)
-    }
-
-    /// Returns the yardstick for a cloud that shows these triangles of the trunk, too; `None` without any.
-    fn yardstick_with(&self, twigs: &[u32], is_small: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
-        let Some(twigs) = wood(self.trunk, twigs)? else { return Ok(None) };
-        let Self { foliage, settings, .. } = self;
-        let largest = match (wishes.is_quick(), is_small) {
-            (true, _) => LARGEST_OF_QUICK,
-            (false, true) => LARGEST_OF_LATER,
-            (false, false) => LARGEST,
-        };
-        Yardstick::new(foliage, Some(&twigs), settings.up, settings.is_lit(), largest).map(Some)
-    }
-
-    fn costs(&self, chosen: &Chosen) -> Result<Costs<'_>> {
-        Costs::of(self.foliage, self.trunk, &self.thin, self.settings.up, chosen)
-    }
-
-    /// Returns what the tree costs to draw, to compare chains ([`Costs::of_scenes`]).
-    fn cost(&self, chosen: &Chosen, wishes: &Wishes) -> Result<f64> {
-        let clouds = chosen.chain.levels.iter().filter(|level| !level.is_cross()).map(|level| drawn(level, wishes));
-        let leaves = std::iter::once(self.foliage).chain(chosen.leaf_levels.iter().map(|level| &level.leaves.foliage));
-        let (leaves, clouds) = (leaves.collect::<Vec<_>>(), clouds.collect::<Result<Vec<_>>>()?);
-        self.costs(chosen)?.of_scenes(wishes.scene, &leaves, &clouds, chosen)
-    }
-
-    /// Finds where leaves and clouds take over. Fewer leaves come before the clouds, where they look like the leaves.
-    fn judged(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
-        let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
-        let simplified = chosen.leaf_levels.first().map(Arc::clone);
-        let mut before = simplified.as_ref().map_or_else(|| self.foliage.clone(), |own| own.leaves.foliage.clone());
-        let costs = self.costs(&chosen)?;
-        let (mut twigs_before, mut with_twigs) = (0, None);
-        for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
-            let most = takes_over.last().map_or(wishes.largest_crown(), |finer| finer.crown / LEAST_STEP);
-            let most = if number == 0 { most } else { most.min(LATER_CROWN) };
-            let shown = drawn(level, wishes)?;
-            let twigs = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
-            if twigs.len() > twigs_before {
-                let is_small = number > 0 && wishes.crown(number).is_none();
-                with_twigs = self.yardstick_with(twigs, is_small, wishes)?;
-                twigs_before = twigs.len();
-            }
-            let yardstick = with_twigs.as_ref().unwrap_or(yardstick);
-            let passed =
-                yardstick.largest(Subject::Foliage(&shown), wishes.q(), wishes.crown(number).unwrap_or(most))?;
-            let nearly = !passed.passes && passed.judged.excess(wishes.q()).0 <= NEARLY;
-            let largest = if nearly { passed.judged.crown.min(most) } else { passed.crown };
-            let crown = if let Some(wished) = wishes.crown(number) {
-                wished
-            } else {
-                let finer = costs.with(&before, number.checked_sub(1));
-                costs.cheaper_from(largest, &costs.with(&shown, Some(number)), &finer)?
-            };
-            takes_over.push(Passed { crown, ..passed });
-            before = shown;
-        }
-        let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level);
-        // A time or an error is a wish for clouds.
-        if chosen.offer.is_some() {
-            return Ok(chosen);
-        }
-        self.with_fewer(chosen, wishes, yardstick, progress)
-    }
-
-    /// Adds fewer leaves before the clouds, where they look like the leaves.
-    fn with_fewer(
-        &self,
-        mut chosen: Chosen,
-        wishes: &Wishes,
-        yardstick: &Yardstick,
-        progress: Progress,
-    ) -> Result<Chosen> {
-        let until = first_cloud(&chosen).unwrap_or(0.0);
-        let room = MOST_LEVELS.saturating_sub(chosen.takes_over.len() + usize::from(self.settings.cross));
-        if room == 0 || until >= wishes.largest_crown() {
-            return Ok(chosen);
-        }
-        if self.fewer.get().is_none() {
-            let simplified = chosen.leaf_levels.first().map(Arc::clone);
-            let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref(), chain: &chosen.chain };
-            let found = whole.fewer(wishes, yardstick, self.settings, progress)?;
-            self.fewer.get_or_init(|| found);
-        }
-        for level in in_turn(self.fewer.get().map_or(&[], Vec::as_slice), until).into_iter().take(room) {
-            chosen.takes_over.insert(chosen.leaf_levels.len(), level.passed);
-            chosen.leaf_levels.push(Arc::new(level));
-        }
-        self.cheaper_than_fewer(chosen, wishes)
-    }
-
-    /// Lets the clouds take over where the first one is cheaper than the leaves before it, too.
-    fn cheaper_than_fewer(&self, mut chosen: Chosen, wishes: &Wishes) -> Result<Chosen> {
-        let Some(before) = chosen.leaf_levels.last().filter(|level| level.kept.is_some()) else { return Ok(chosen) };
-        let count = chosen.leaf_levels.len();
-        if let (Some(passed), Some(cloud)) = (chosen.takes_over.get(count), chosen.chain.levels.first()) {
-            let (cloud, costs) = (drawn(cloud, wishes)?, self.costs(&chosen)?);
-            let (own, finer) = (costs.with(&cloud, Some(0)), costs.with(&before.leaves.foliage, None));
-            let mut most = costs.cheaper_from(passed.crown, &own, &finer)?;
-            for passed in &mut chosen.takes_over[count..] {
-                passed.crown = passed.crown.min(most);
-                most = passed.crown / LEAST_STEP;
-            }
-        }
-        Ok(chosen)
     }
 
     /// Adds the last level. Where an octahedral impostor takes over nearly as early as the first cloud, it is drawn in place of all clouds.
@@ -469,23 +358,4 @@ fn without_clouds(chosen: Chosen) -> Chosen {
     chain.levels.retain(Level::is_cross);
     takes_over.truncate(chosen.leaf_levels.len());
     Chosen { chain: Arc::new(chain), takes_over, twigs: Vec::new(), ..chosen }
-}
-
-/// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them.
-fn without_failing(chosen: Chosen, every_level: bool) -> Chosen {
-    let Chosen { chain, mut takes_over, mut twigs, .. } = chosen;
-    let mut chain = Arc::unwrap_or_clone(chain);
-    let others = |chain: &Chain, takes_over: &[Passed]| takes_over.len() > 1 && chain.levels.len() > 1;
-    while !every_level && others(&chain, &takes_over) && takes_over.last().is_some_and(|last| !last.passes) {
-        takes_over.pop();
-        let last = chain.levels.iter().rposition(|level| !level.is_cross());
-        last.map(|last| chain.levels.remove(last));
-        twigs.pop();
-    }
-    Chosen { chain: Arc::new(chain), takes_over, twigs, ..chosen }
-}
-
-/// Returns a level as the renderer draws it.
-fn drawn(level: &Level, wishes: &Wishes) -> Result<Foliage> {
-    if wishes.shares { level.shares() } else { level.foliage() }
 }

@@ -1,17 +1,19 @@
-//! Fewer, larger leaves, where the first cloud takes over late.
+//! Fewer, larger leaves before the clouds.
 //!
-//! A share of the leaves in the order of pruning, enlarged so that they cover as much (Cook, Halstead, Planck, Ryu, "Stochastic
-//! Simplification of Aggregate Detail", 2007). They have the textures of the tree's own leaves, so they cost no memory. Needles, which no cloud
-//! shows well near by, need half of the leaves at a quarter of the picture's height.
+//! One leaf stands for each cluster of neighbors, and grows so that it covers as much of the picture as all of them
+//! ([`leafcloud::prune::clusters`], after Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail", 2007). These leaves have
+//! the textures of the tree's own, so they cost no memory, and they draw no empty pixels between leaves, as the clouds of sparse crowns do.
 //!
-//! O(shares · pictures). Known limit: the order is random, so gaps between few large leaves show.
+//! O(halvings · pictures). Known limit: single leaves show in the outline, so crowns of few broad leaves pass late.
 
 use std::time::Instant;
 
 use glam::DVec3;
 use leafcloud::error::Result;
-use leafcloud::lod::{Chain, ChainSettings, prune_trends, report_pictures};
-use leafcloud::prune::{Kept, Pruned, pruned};
+use leafcloud::foliage::Opacity;
+use leafcloud::lod::{ChainSettings, prune_trends, report_pictures};
+use leafcloud::metrics::visibility;
+use leafcloud::prune::{Cluster, Kept, clusters};
 use leafcloud::transition::leaf_pivots;
 use leafcloud::{Foliage, Progress};
 use leafcloud_simplify::SimplifiedLeaves;
@@ -21,8 +23,8 @@ use crate::leaves::{Form, LeafLevel};
 use crate::wishes::Wishes;
 use crate::yardstick::{Subject, UNJUDGED, Yardstick};
 
-/// Shares of leaves that are tried. A quarter are twice as large, and larger ones look like other leaves.
-const SHARES: [f64; 2] = [0.5, 0.25];
+/// Directions from which leaves are looked at.
+const VIEWS: usize = 16;
 
 /// Fewest leaves that are pruned: without one of a few leaves, a tree looks different.
 const FEWEST: usize = 200;
@@ -30,23 +32,14 @@ const FEWEST: usize = 200;
 /// Largest share of the triangles that such a level may have.
 const MOST_KEPT: f64 = 0.75;
 
-/// Least ratio of the size at which such a level takes over to that of the first cloud.
-const LEAST_BAND: f64 = 1.5;
-
-/// Returns the levels that are drawn one after another until the crown is `until` pixels large, where the first cloud takes over.
+/// Returns levels that were made from all leaves as they are drawn: corners move from the places that they have in the level before.
 #[must_use]
-pub fn in_turn(found: &[LeafLevel], until: f64) -> Vec<LeafLevel> {
-    let mut levels: Vec<LeafLevel> = Vec::new();
-    for level in found.iter().take_while(|level| level.passed.crown >= LEAST_BAND * until) {
-        // A level that passes at the size of the one before takes its place.
-        levels.pop_if(|finer| finer.passed.crown < LEAST_STEP * level.passed.crown);
-        levels.push(level.clone());
-    }
-    // Corners move from the places that they have in the level before.
+pub fn one_after_another(mut levels: Vec<LeafLevel>) -> Vec<LeafLevel> {
     for number in (1..levels.len()).rev() {
         let Some(Kept { triangles, .. }) = levels[number - 1].kept.clone() else { continue };
-        let all = &levels[number].leaves.targets;
-        levels[number].leaves.targets = triangles.iter().map(|&t| all[t as usize]).collect();
+        let LeafLevel { leaves, pivot_targets, .. } = &mut levels[number];
+        leaves.targets = triangles.iter().map(|&t| leaves.targets[t as usize]).collect();
+        *pivot_targets = triangles.iter().map(|&t| pivot_targets[t as usize]).collect();
     }
     levels
 }
@@ -57,8 +50,6 @@ pub struct Whole<'a> {
     pub leaves: &'a Foliage,
     /// Simplified leaves, if they are level 1.
     pub simplified: Option<&'a LeafLevel>,
-    /// The levels after them.
-    pub chain: &'a Chain,
 }
 
 impl Whole<'_> {
@@ -66,7 +57,7 @@ impl Whole<'_> {
         self.simplified.map_or(self.leaves, |level| &level.leaves.foliage)
     }
 
-    /// Returns levels of fewer leaves, finest first. Each is made from all leaves: [`in_turn`] makes a chain of them.
+    /// Returns levels of fewer leaves, finest first. Each is made from all leaves: [`one_after_another`] makes a chain of them.
     ///
     /// # Errors
     /// Those of a render; [`Error::Cancelled`](leafcloud::Error::Cancelled).
@@ -77,55 +68,58 @@ impl Whole<'_> {
         settings: &ChainSettings,
         progress: Progress,
     ) -> Result<Vec<LeafLevel>> {
-        let mut levels = Vec::new();
-        let most = self.simplified.map_or(wishes.largest_crown(), |level| level.passed.crown / LEAST_STEP);
-        let least = LEAST_BAND * UNJUDGED;
+        let (mut levels, base) = (Vec::new(), self.base());
+        let mut most = self.simplified.map_or(wishes.largest_crown(), |level| level.passed.crown / LEAST_STEP);
         let may_be_leaves =
             wishes.free && wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
-        if !may_be_leaves || self.base().leaf_count() < FEWEST || most < least {
+        if !may_be_leaves || base.leaf_count() < FEWEST {
             return Ok(levels);
         }
-        for share in SHARES {
+        let samples = visibility(base, &Opacity::of(base), settings.up, VIEWS, progress)?;
+        let seen: Vec<f64> = samples.iter().map(|leaf| leaf.seen).collect();
+        for standing in clusters(base, &seen) {
             let started = Instant::now();
-            let Pruned { foliage, kept } = self.pruned(share, settings, progress)?;
+            let mut standing = Standing::of(base, standing);
             // Protected leaves stay.
-            if (kept.triangles.len() as f64) > MOST_KEPT * self.base().triangle_count() as f64 {
+            if (standing.kept.triangles.len() as f64) > MOST_KEPT * base.triangle_count() as f64 {
                 break;
             }
+            let growth = prune_trends::growth_of(base, settings.up, progress, |growth| standing.foliage(base, growth))?;
+            standing.grow(growth);
+            let foliage = standing.foliage(base, 1.0)?;
             let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
-            if !passed.passes || passed.crown < least {
+            if !passed.passes || passed.crown < UNJUDGED {
                 break;
             }
+            most = passed.crown;
             let pictures = report_pictures(self.leaves, &foliage, settings)?;
-            let leaves = self.moved(foliage, &kept);
+            let (leaves, pivot_targets) = self.moved(foliage, &standing);
+            let pivots = standing.kept.triangles.iter().map(|&t| pivot_targets[t as usize]).collect();
+            let seconds = started.elapsed().as_secs_f64();
             levels.push(LeafLevel {
                 leaves,
                 passed,
                 pictures,
-                seconds: started.elapsed().as_secs_f64(),
-                kept: Some(kept),
+                seconds,
+                kept: Some(standing.kept),
+                pivots,
+                pivot_targets,
             });
         }
         Ok(levels)
     }
 
-    /// Returns a share of the leaves, which cover as much as all.
-    fn pruned(&self, share: f64, settings: &ChainSettings, progress: Progress) -> Result<Pruned> {
-        let (base, ranks) = (self.base(), &self.chain.ranks);
-        let growth = prune_trends::growth_of(base, ranks, share, settings.up, progress)?;
-        pruned(base, ranks, share, growth)
-    }
-
-    /// Returns the leaves with the places to which all corners move: onto the larger leaves, or into the pivots of those that are gone.
-    fn moved(&self, foliage: Foliage, kept: &Kept) -> SimplifiedLeaves {
-        let (base, tree) = (self.base(), self.leaves.frame());
+    /// Returns the leaves with the places to which all corners and pivots move: onto the larger leaves, or, of leaves that are gone, into their pivots.
+    fn moved(&self, foliage: Foliage, standing: &Standing) -> (SimplifiedLeaves, Vec<DVec3>) {
+        let (base, tree, kept) = (self.base(), self.leaves.frame(), &standing.kept);
         let in_tree = |p: DVec3| tree.to_local(base.frame().to_caller(p));
         let pivots = leaf_pivots(base);
-        let pivot = |t: usize| pivots[base.leaf_ids()[t] as usize];
-        let mut targets: Vec<[DVec3; 3]> = (0..base.triangle_count()).map(|t| [in_tree(pivot(t)); 3]).collect();
-        for (&t, &growth) in kept.triangles.iter().zip(&kept.growth) {
-            let (t, pivot) = (t as usize, pivot(t as usize));
-            targets[t] = base.corners(t).map(|p| in_tree(pivot + (p - pivot) * growth));
+        let own_pivot = |t: usize| in_tree(pivots[base.leaf_ids()[t] as usize]);
+        let mut pivot_targets: Vec<DVec3> = (0..base.triangle_count()).map(own_pivot).collect();
+        let mut targets: Vec<[DVec3; 3]> = pivot_targets.iter().map(|&pivot| [pivot; 3]).collect();
+        for ((&t, corners), &pivot) in kept.triangles.iter().zip(standing.corners(base, 1.0)).zip(&standing.places) {
+            targets[t as usize] = corners.map(in_tree);
+            pivot_targets[t as usize] = in_tree(pivot);
         }
         let places = kept.triangles.iter().map(|&t| targets[t as usize]).collect();
         let own =
@@ -133,6 +127,55 @@ impl Whole<'_> {
         let moves = |t: usize| base.corners(t).into_iter().zip(targets[t]).map(|(p, q)| in_tree(p).distance(q));
         let deviation = (0..targets.len()).flat_map(moves).fold(0.0, f64::max);
         let corners = kept.triangles.iter().map(|&t| own(t)).collect();
-        SimplifiedLeaves { foliage, corners, places, targets, deviation }
+        (SimplifiedLeaves { foliage, corners, places, targets, deviation }, pivot_targets)
+    }
+}
+
+/// The triangles of leaves that stand for clusters.
+struct Standing {
+    kept: Kept,
+    /// For each triangle, the pivot of its leaf, and the place to which it moves.
+    pivots: Vec<DVec3>,
+    places: Vec<DVec3>,
+}
+
+impl Standing {
+    fn of(base: &Foliage, mut clusters: Vec<Cluster>) -> Self {
+        let (leaves, pivots) = (base.leaves(), leaf_pivots(base));
+        let of_triangles = |cluster: Cluster| leaves.get(cluster.leaf).iter().map(move |&t| (t, cluster));
+        clusters.sort_unstable_by_key(|cluster| cluster.leaf);
+        let mut found: Vec<(u32, Cluster)> = clusters.into_iter().flat_map(of_triangles).collect();
+        found.sort_by_key(|&(t, _)| t);
+        Self {
+            kept: Kept {
+                triangles: found.iter().map(|&(t, _)| t).collect(),
+                growth: found.iter().map(|(_, cluster)| cluster.growth).collect(),
+            },
+            pivots: found.iter().map(|(_, cluster)| pivots[cluster.leaf]).collect(),
+            places: found.iter().map(|(_, cluster)| cluster.place).collect(),
+        }
+    }
+
+    /// Returns the growth of each triangle, times `factor`. Leaves that stand for themselves stay as they are.
+    fn growth(&self, factor: f64) -> impl Iterator<Item = f64> + '_ {
+        self.kept.growth.iter().map(move |&growth| if growth > 1.0 { factor * growth } else { 1.0 })
+    }
+
+    fn corners<'a>(&'a self, base: &'a Foliage, factor: f64) -> impl Iterator<Item = [DVec3; 3]> + 'a {
+        let places = self.pivots.iter().zip(&self.places);
+        self.kept
+            .triangles
+            .iter()
+            .zip(places)
+            .zip(self.growth(factor))
+            .map(|((&t, (&pivot, &place)), growth)| base.corners(t as usize).map(|p| place + (p - pivot) * growth))
+    }
+
+    fn foliage(&self, base: &Foliage, factor: f64) -> Result<Foliage> {
+        base.part(&self.kept.triangles, &self.corners(base, factor).collect::<Vec<_>>())
+    }
+
+    fn grow(&mut self, factor: f64) {
+        self.kept.growth = self.growth(factor).collect();
     }
 }

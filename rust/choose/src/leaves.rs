@@ -5,13 +5,16 @@
 
 use std::time::Instant;
 
+use glam::DVec3;
 use leafcloud::error::Result;
 use leafcloud::lod::{ChainSettings, LEAST_SAVING, Origin, report_pictures};
 use leafcloud::metrics::Comparison;
 use leafcloud::prune::Kept;
+use leafcloud::transition::leaf_pivots;
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_simplify::{SimplifiedLeaves, simplified_leaves};
 
+use crate::costs::Prices;
 use crate::wishes::Wishes;
 use crate::yardstick::{Passed, Subject, Yardstick};
 
@@ -46,6 +49,10 @@ pub struct LeafLevel {
     pub seconds: f64,
     /// The triangles of the simplified leaves, or of the tree's own without these, that fewer leaves keep; `None` for simplified leaves.
     pub kept: Option<Kept>,
+    /// For each triangle of the level, the pivot of its leaf, local frame of the tree.
+    pub pivots: Vec<DVec3>,
+    /// For each target, the place of the leaf's pivot there.
+    pub pivot_targets: Vec<DVec3>,
 }
 
 impl LeafLevel {
@@ -81,10 +88,11 @@ pub fn leaf_level(
         return Ok(None);
     }
     let (started, scene) = (Instant::now(), wishes.scene()?);
-    let whole = scene.costs(foliage, settings.up)?;
+    let radius = foliage.frame().radius;
+    let whole = Prices::of(&[foliage], radius, settings.up, &scene)?;
     let most = settings.triangles.unwrap_or(usize::MAX);
     let saving = if form == Form::Auto { LEAST_SAVING } else { 0.0 };
-    let mut least = scene.cost(0.0, &whole, &whole) * (1.0 - saving);
+    let mut least = scene.cost(&[(f64::INFINITY, &whole.totals)]) * (1.0 - saving);
     let mut best = None;
     for bound in BOUNDS {
         let Some(leaves) = simplified_leaves(foliage, bound, progress)? else { continue };
@@ -92,8 +100,8 @@ pub fn leaf_level(
         if !passed.passes {
             break;
         }
-        let own = scene.costs(&leaves.foliage, settings.up)?;
-        let found = scene.cost(passed.crown, &whole, &own);
+        let own = Prices::of(&[&leaves.foliage], radius, settings.up, &scene)?;
+        let found = scene.cost(&[(f64::INFINITY, &whole.totals), (passed.crown, &own.totals)]);
         if found < least && leaves.foliage.triangle_count() <= most {
             (least, best) = (found, Some((leaves, passed)));
         } else if best.is_some() {
@@ -109,5 +117,8 @@ pub fn leaf_level(
         };
     };
     let pictures = report_pictures(foliage, &leaves.foliage, settings)?;
-    Ok(Some(LeafLevel { leaves, passed, pictures, seconds: started.elapsed().as_secs_f64(), kept: None }))
+    let (pivots, seconds) = (leaf_pivots(foliage), started.elapsed().as_secs_f64());
+    let of_leaves = |ids: &[u32]| ids.iter().map(|&leaf| pivots[leaf as usize]).collect();
+    let (pivot_targets, pivots) = (of_leaves(foliage.leaf_ids()), of_leaves(leaves.foliage.leaf_ids()));
+    Ok(Some(LeafLevel { leaves, passed, pictures, seconds, kept: None, pivots, pivot_targets }))
 }

@@ -12,8 +12,10 @@ mod last;
 mod leaves;
 pub mod looks;
 mod scene;
+mod settle;
 pub mod sway;
 mod twigs;
+mod walk;
 mod wishes;
 pub mod yardstick;
 

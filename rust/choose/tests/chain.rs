@@ -34,8 +34,9 @@ fn levels_take_over_where_they_look_like_the_leaves_one_after_another() {
     let settings = ChainSettings { levels: 2, ..ChainSettings::default() };
     let found = built(&crown_of(1500, 0.04), settings, Some(wishes), Last::Cross).unwrap();
     let clouds = found.chain.levels.iter().filter(|level| !level.is_cross()).count();
-    assert!(clouds > 0 && found.takes_over.len() == found.chain.levels.len());
-    for passed in &found.takes_over[..clouds] {
+    let leaves = found.leaf_levels.len();
+    assert!(clouds + leaves > 0 && found.takes_over.len() == found.chain.levels.len() + leaves);
+    for passed in &found.takes_over[..clouds + leaves] {
         assert!(passed.passes && passed.judged.excess(found.q).0 <= 1.0, "{passed:?}");
     }
     let sizes = sizes(&found);

@@ -424,7 +424,8 @@ class LeafLevel:
     @property
     def kept(self) -> tuple[NDArray[np.uint32], NDArray[np.float64]] | None:
         """For fewer leaves: the triangles (s,) that are kept of the simplified leaves, or of the tree's own without
-        these, and the growth (s,) of each about its leaf's pivot. None for simplified leaves."""
+        these, and the growth (s,) of each, about the pivot of its leaf, which moves to ``pivots``. None for simplified
+        leaves."""
     @property
     def corners(self) -> NDArray[np.uint32]:
         """(s, 3) triangles made of corners of the tree's leaves, counted through all triangles: corner c is corner
@@ -436,6 +437,12 @@ class LeafLevel:
     def targets(self) -> NDArray[np.float64]:
         """(t, 3, 3) position of each corner of the level before at a = 1: a point of its leaf, or the pivot of a leaf
         that is gone."""
+    @property
+    def pivots(self) -> NDArray[np.float64]:
+        """(s, 3) pivot of each triangle's leaf. Fewer leaves are in the middles of the clusters that they stand for."""
+    @property
+    def pivot_targets(self) -> NDArray[np.float64]:
+        """(t, 3) place of each pivot of the level before at a = 1."""
     @property
     def triangles(self) -> int:
         """Number of triangles."""

@@ -10,7 +10,7 @@ use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{self, point_groups};
+use crate::arrays::{self, point_groups, vector_rows};
 use crate::chain::{KeptArrays, kept_arrays};
 use crate::errors::{read, refuse};
 use crate::foliage::PyFoliage;
@@ -69,6 +69,16 @@ impl PyLeafLevel {
     #[getter]
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         self.in_tree(py, &self.level.leaves.targets)
+    }
+
+    #[getter]
+    fn pivots<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        vector_rows(py, self.level.pivots.iter().map(|&p| self.frame.to_tree(p)))
+    }
+
+    #[getter]
+    fn pivot_targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        vector_rows(py, self.level.pivot_targets.iter().map(|&p| self.frame.to_tree(p)))
     }
 
     #[getter]

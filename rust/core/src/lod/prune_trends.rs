@@ -34,34 +34,44 @@ const LEAST_CONTRAST: f64 = -3.0;
 /// # Errors
 /// A picture without pixels; [`crate::Error::Cancelled`]. If no kept leaf has an area, there is nothing to measure and γ is 1.
 pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3, progress: Progress) -> Result<Trend> {
-    let at = logarithms(foliage, ranks, up, progress)?;
+    let reference = reference(foliage, up)?;
+    let at = |keep: f64| {
+        let kept = move |growth| Ok(pruned(foliage, ranks, keep, growth)?.foliage);
+        growth_at(covers(&reference, progress, kept))
+    };
     let [a, b] = GROWTH_KEEPS;
     Ok(Trend::through(GROWTH_KEEPS, [at(a)?, at(b)?]))
 }
 
-/// Measures γ at λ = `keep`.
+/// Measures γ of leaves that stand for all: with it they cover as much. `standing` returns them at a γ.
 ///
 /// # Errors
 /// As [`growth`].
-pub fn growth_of(foliage: &Foliage, ranks: &[f32], keep: f64, up: DVec3, progress: Progress) -> Result<f64> {
-    Ok(libm::exp(logarithms(foliage, ranks, up, progress)?(keep)?))
+pub fn growth_of(
+    foliage: &Foliage,
+    up: DVec3,
+    progress: Progress,
+    standing: impl Fn(f64) -> Result<Foliage>,
+) -> Result<f64> {
+    let reference = reference(foliage, up)?;
+    growth_at(covers(&reference, progress, standing)).map(libm::exp)
 }
 
-/// Returns a function that measures ln γ at a λ.
-fn logarithms<'a>(
-    foliage: &'a Foliage,
-    ranks: &'a [f32],
-    up: DVec3,
+fn reference(foliage: &Foliage, up: DVec3) -> Result<Reference> {
+    Reference::new(&[foliage], foliage.frame(), views_of_amounts(ViewCounts::default().amounts, up)?)
+}
+
+/// Returns ln of the coverage of `leaves` at a ln γ; `None` if nothing is visible.
+fn covers<'a>(
+    reference: &'a Reference,
     progress: Progress<'a>,
-) -> Result<impl Fn(f64) -> Result<f64> + 'a> {
-    let reference = Reference::new(&[foliage], foliage.frame(), views_of_amounts(ViewCounts::default().amounts, up)?)?;
-    Ok(move |keep: f64| {
-        growth_at(|logarithm| {
-            progress.tell("measure", 0.0)?;
-            let Ok(pruned) = pruned(foliage, ranks, keep, libm::exp(logarithm)) else { return Ok(None) };
-            Ok(Some(libm::log(reference.agreement(&pruned.foliage)?.coverage)).filter(|found| found.is_finite()))
-        })
-    })
+    leaves: impl Fn(f64) -> Result<Foliage> + 'a,
+) -> impl Fn(f64) -> Result<Option<f64>> + 'a {
+    move |logarithm| {
+        progress.tell("measure", 0.0)?;
+        let Ok(leaves) = leaves(libm::exp(logarithm)) else { return Ok(None) };
+        Ok(Some(libm::log(reference.agreement(&leaves)?.coverage)).filter(|found| found.is_finite()))
+    }
 }
 
 /// Returns the best ln γ found at a λ, by the secant method on `coverage`: ln of the coverage at a ln γ, `None` if nothing is visible.

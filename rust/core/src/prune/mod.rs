@@ -3,10 +3,12 @@
 //! After Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail" (2007), as Gomez applies it to foliage: leaves have
 //! one random order, and the first λN are drawn, enlarged so that the covered area stays. Area, not length, grows by 1/λ.
 
+mod clusters;
 mod order;
 mod pruned;
 mod trend;
 
+pub use clusters::{Cluster, HALVINGS, clusters};
 pub use order::{PROTECTED, order};
 pub use pruned::{Kept, Pruned, pruned};
 pub use trend::Trend;

@@ -1,0 +1,198 @@
+//! Settles where the levels of a built chain take over.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use leafcloud::error::Result;
+use leafcloud::lod::{Chain, Level};
+use leafcloud::{Foliage, Progress};
+
+use crate::chain::{Chosen, Tree};
+use crate::costs::{FEWEST_OF_TRUNKS, Prices, some};
+use crate::fewer::{Whole, one_after_another};
+use crate::leaves::LeafLevel;
+use crate::scene::Scene;
+use crate::twigs::wood;
+use crate::walk::{Candidate, Levels, Scenes, Walk};
+use crate::wishes::{LATER_CROWN, Wishes};
+use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
+
+/// Greatest excess with which a cloud takes over that passes nowhere, where it is closest to passing. The bake says so.
+const NEARLY: f64 = 2.0;
+
+/// Side of the largest pictures for clouds after the first: they take over at up to [`LATER_CROWN`] pixels.
+const LARGEST_OF_LATER: usize = 256;
+
+/// Side of the largest pictures of a quick choice.
+pub const LARGEST_OF_QUICK: usize = 128;
+
+/// Most levels after the leaves: each is a mesh and a hand-over more in the file.
+const MOST_LEVELS: usize = 5;
+
+/// A chain whose levels have sizes.
+pub struct Settled {
+    /// The chain.
+    pub chosen: Chosen,
+    /// The walk through its levels.
+    pub walk: Walk,
+    /// The logarithm of the cost without its first cloud; infinite if it has one or none.
+    pub without_first: f64,
+}
+
+impl Tree<'_> {
+    /// Finds where leaves and clouds take over. Fewer leaves come before the clouds, where the tree is then cheaper to draw.
+    pub fn judged(
+        &self,
+        chosen: Chosen,
+        wishes: &Wishes,
+        yardstick: &Yardstick,
+        progress: Progress,
+    ) -> Result<Settled> {
+        let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
+        let (mut twigs_before, mut with_twigs) = (0, None);
+        for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
+            let usual = if number == 0 { wishes.largest_crown() } else { LATER_CROWN };
+            let most = wishes.crown(number).unwrap_or(usual);
+            let twigs = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
+            if twigs.len() > twigs_before {
+                let is_small = number > 0 && wishes.crown(number).is_none();
+                with_twigs = self.yardstick_with(twigs, is_small, wishes)?;
+                twigs_before = twigs.len();
+            }
+            let yardstick = with_twigs.as_ref().unwrap_or(yardstick);
+            let passed = yardstick.largest(Subject::Foliage(&drawn(level, wishes)?), wishes.q(), most)?;
+            let nearly = !passed.passes && passed.judged.excess(wishes.q()).0 <= NEARLY;
+            let crown = if nearly { passed.judged.crown.min(most) } else { passed.crown };
+            takes_over.push(Passed { crown, ..passed });
+        }
+        let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level);
+        self.settled(chosen, wishes, yardstick, progress)
+    }
+
+    /// Chooses among levels that may take over at `chosen.takes_over` at most.
+    fn settled(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Settled> {
+        let scenes = Scenes::to(wishes.scene)?;
+        let price = |level: &Foliage, trunk: Option<&Foliage>| self.priced(level, trunk, &scenes.priced);
+        let trunk = wood(self.trunk, &some(&self.thin, self.thin.len().div_ceil(2)))?;
+        let leaves = price(self.foliage, trunk.as_ref())?;
+        let simplified = chosen.leaf_levels.first().map(Arc::clone);
+        let of_simplified =
+            simplified.as_ref().map(|level| price(&level.leaves.foliage, trunk.as_ref())).transpose()?;
+        let clouds: Vec<&Level> = chosen.chain.levels.iter().filter(|level| !level.is_cross()).collect();
+        let of_cloud = |(number, level): (usize, &&Level)| {
+            let shown = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
+            price(&drawn(level, wishes)?, self.left_of(shown, level.atlas.triangles())?.as_ref())
+        };
+        let of_clouds = clouds.iter().enumerate().map(of_cloud).collect::<Result<Vec<_>>>()?;
+        let first = chosen.takes_over.get(chosen.leaf_levels.len());
+        // Half of the leaves cost no less than this.
+        let is_cheap = |(first, cloud): (&Passed, &Prices)| {
+            first.crown >= wishes.largest_crown() && cloud.is_half_of(&leaves, first.crown)
+        };
+        // A time or an error is a wish for clouds.
+        let may_have_fewer = chosen.offer.is_none() && !first.zip(of_clouds.first()).is_some_and(is_cheap);
+        if may_have_fewer && self.fewer.get().is_none() {
+            let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref() };
+            let found = whole.fewer(wishes, yardstick, self.settings, progress)?.into_iter();
+            let priced = |level: LeafLevel| price(&level.leaves.foliage, trunk.as_ref()).map(|prices| (level, prices));
+            let priced = found.map(priced).collect::<Result<Vec<_>>>()?;
+            self.fewer.get_or_init(|| priced);
+        }
+        let fewer = self.fewer.get().filter(|_| may_have_fewer).map_or(&[][..], Vec::as_slice);
+
+        let largest =
+            |passed: &Passed, prices| Candidate { largest: passed.crown, passes: passed.passes, wished: None, prices };
+        let cloud = |(number, (passed, prices))| Candidate { wished: wishes.crown(number), ..largest(passed, prices) };
+        let of_levels = chosen.takes_over[chosen.leaf_levels.len()..].iter().zip(&of_clouds);
+        let mut levels = Levels {
+            leaves: &leaves,
+            simplified: simplified.as_ref().zip(of_simplified.as_ref()).map(|(own, cost)| largest(&own.passed, cost)),
+            fewer: fewer.iter().map(|(level, prices)| largest(&level.passed, prices)).collect(),
+            clouds: of_levels.enumerate().map(cloud).collect(),
+        };
+        let room = MOST_LEVELS.saturating_sub(usize::from(simplified.is_some()) + usize::from(self.settings.cross));
+        let walk = scenes.cheapest(&levels, room, self.settings.every_level || !wishes.sizes.is_empty());
+        let mut without_first = f64::INFINITY;
+        if levels.clouds.len() > 1 {
+            levels.clouds.remove(0);
+            without_first = scenes.cheapest(&levels, room, false).cost;
+        }
+        let fewer = fewer.iter().map(|(level, _)| level.clone()).collect();
+        Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first })
+    }
+
+    /// Returns the thin branches that are left to the trunk of a cloud with this number of triangles. `shown`: those that the cloud shows.
+    fn left_of(&self, shown: &[u32], triangles: usize) -> Result<Option<Foliage>> {
+        let shown: HashSet<u32> = shown.iter().copied().collect();
+        let left: Vec<u32> = self.thin.iter().copied().filter(|triangle| !shown.contains(triangle)).collect();
+        wood(self.trunk, &some(&left, triangles.max(FEWEST_OF_TRUNKS)))
+    }
+
+    fn priced(&self, level: &Foliage, trunk: Option<&Foliage>, scene: &Scene) -> Result<Prices> {
+        let parts: Vec<&Foliage> = std::iter::once(level).chain(trunk).collect();
+        Prices::of(&parts, self.foliage.frame().radius, self.settings.up, scene)
+    }
+
+    /// Returns the yardstick for a cloud that shows these triangles of the trunk, too; `None` without any.
+    fn yardstick_with(&self, twigs: &[u32], is_small: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
+        let Some(twigs) = wood(self.trunk, twigs)? else { return Ok(None) };
+        let Self { foliage, settings, .. } = self;
+        let largest = match (wishes.is_quick(), is_small) {
+            (true, _) => LARGEST_OF_QUICK,
+            (false, true) => LARGEST_OF_LATER,
+            (false, false) => LARGEST,
+        };
+        Yardstick::new(foliage, Some(&twigs), settings.up, settings.is_lit(), largest).map(Some)
+    }
+}
+
+/// Returns the chain with the levels of a walk.
+fn along(chosen: Chosen, walk: &Walk, fewer: Vec<LeafLevel>) -> Chosen {
+    let Chosen { mut chain, mut takes_over, mut leaf_levels, mut twigs, .. } = chosen;
+    let drawn = fewer.into_iter().enumerate().filter(|(number, _)| walk.fewer.contains(number));
+    for level in one_after_another(drawn.map(|(_, level)| level).collect()) {
+        takes_over.insert(leaf_levels.len(), level.passed);
+        leaf_levels.push(Arc::new(level));
+    }
+    if takes_over.len() > walk.crowns.len() {
+        let mut levels = Arc::unwrap_or_clone(chain);
+        keep_clouds(&mut levels, walk.clouds);
+        takes_over.truncate(walk.crowns.len());
+        twigs.truncate(walk.clouds);
+        chain = Arc::new(levels);
+    }
+    for (passed, &crown) in takes_over.iter_mut().zip(&walk.crowns) {
+        passed.crown = crown;
+    }
+    Chosen { chain, leaf_levels, takes_over, twigs, ..chosen }
+}
+
+/// Keeps the first clouds, and the cross impostor.
+fn keep_clouds(chain: &mut Chain, count: usize) {
+    let mut number = 0;
+    chain.levels.retain(|level| {
+        number += 1;
+        level.is_cross() || number <= count
+    });
+}
+
+/// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them.
+fn without_failing(chosen: Chosen, every_level: bool) -> Chosen {
+    let Chosen { chain, mut takes_over, mut twigs, .. } = chosen;
+    let mut chain = Arc::unwrap_or_clone(chain);
+    while !every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
+        let clouds = chain.levels.iter().filter(|level| !level.is_cross()).count();
+        if clouds == 0 || chain.levels.len() == 1 {
+            break;
+        }
+        takes_over.pop();
+        twigs.pop();
+        keep_clouds(&mut chain, clouds - 1);
+    }
+    Chosen { chain: Arc::new(chain), takes_over, twigs, ..chosen }
+}
+
+/// Returns a level as the renderer draws it.
+pub fn drawn(level: &Level, wishes: &Wishes) -> Result<Foliage> {
+    if wishes.shares { level.shares() } else { level.foliage() }
+}
