@@ -29,6 +29,9 @@ const VIEWS: usize = 16;
 /// Fewest leaves that are pruned: without one of a few leaves, a tree looks different.
 const FEWEST: usize = 200;
 
+/// Pixels by which a leaf may be wider than the tree's own, in the mean: where leaves are seen one by one, twice as large ones look like another plant.
+const MOST_WIDER: f64 = 4.0;
+
 /// Largest share of the triangles that such a level may have.
 const MOST_KEPT: f64 = 0.75;
 
@@ -87,6 +90,7 @@ impl Whole<'_> {
             let growth = prune_trends::growth_of(base, settings.up, progress, |growth| standing.foliage(base, growth))?;
             standing.grow(growth);
             let foliage = standing.foliage(base, 1.0)?;
+            most = most.min(2.0 * MOST_WIDER / standing.widening(base));
             let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
             if !passed.passes || passed.crown < UNJUDGED {
                 break;
@@ -173,6 +177,18 @@ impl Standing {
 
     fn foliage(&self, base: &Foliage, factor: f64) -> Result<Foliage> {
         base.part(&self.kept.triangles, &self.corners(base, factor).collect::<Vec<_>>())
+    }
+
+    /// Returns the mean growth of the leaves' widths, the roots of their areas, local units.
+    fn widening(&self, base: &Foliage) -> f64 {
+        let leaf = |t: u32| base.leaf_ids()[t as usize] as usize;
+        let mut areas = vec![0.0; base.leaf_count()];
+        for t in 0..base.triangle_count() as u32 {
+            areas[leaf(t)] += base.area_vector(t as usize).length();
+        }
+        let kept = self.kept.triangles.iter().zip(&self.kept.growth);
+        let sum: f64 = kept.map(|(&t, growth)| areas[leaf(t)].sqrt() * (growth - 1.0)).sum();
+        sum / self.kept.triangles.len() as f64
     }
 
     fn grow(&mut self, factor: f64) {

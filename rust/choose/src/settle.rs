@@ -111,11 +111,14 @@ impl Tree<'_> {
             clouds: of_levels.enumerate().map(cloud).collect(),
         };
         let room = MOST_LEVELS.saturating_sub(usize::from(simplified.is_some()) + usize::from(self.settings.cross));
-        let walk = scenes.cheapest(&levels, room, self.settings.every_level || !wishes.sizes.is_empty());
+        let has_cross = chosen.chain.levels.last().is_some_and(Level::is_cross);
+        let may_go = !fewer.is_empty() && has_cross && first.is_some_and(|first| !first.passes);
+        let is_wished = self.settings.every_level || !wishes.sizes.is_empty();
+        let walk = scenes.best(&levels, room, if is_wished { clouds.len() } else { usize::from(!may_go) });
         let mut without_first = f64::INFINITY;
         if levels.clouds.len() > 1 {
             levels.clouds.remove(0);
-            without_first = scenes.cheapest(&levels, room, false).cost;
+            without_first = scenes.best(&levels, room, 1).cost;
         }
         let fewer = fewer.iter().map(|(level, _)| level.clone()).collect();
         Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first })

@@ -84,15 +84,13 @@ impl Scenes {
         Ok(Self { near: Scene::to(horizon)?, far: Scene::to(beyond)?, priced: Scene::to(beyond.max(FARTHEST))? })
     }
 
-    /// Returns the best walk. `most`: levels of fewer leaves and clouds. With `every_cloud` all clouds are drawn.
+    /// Returns the best walk. `most`: levels of fewer leaves and clouds, with fewer leaves. `least`: clouds.
     #[must_use]
-    pub fn cheapest(&self, levels: &Levels, most: usize, every_cloud: bool) -> Walk {
+    pub fn best(&self, levels: &Levels, most: usize, least: usize) -> Walk {
         let (count, all) = (levels.fewer.len(), levels.clouds.len());
-        let may_go = |cloud: &Candidate| count > 0 && !cloud.passes;
-        let least = if every_cloud { all } else { all.min(usize::from(!levels.clouds.first().is_some_and(may_go))) };
         let sets =
             (0..1_u32 << count).map(|set| (0..count).filter(|number| set >> number & 1 == 1).collect::<Vec<_>>());
-        let walks = sets.flat_map(|fewer| (least..=all).map(move |clouds| (fewer.clone(), clouds)));
+        let walks = sets.flat_map(|fewer| (least.min(all)..=all).map(move |clouds| (fewer.clone(), clouds)));
         let fits =
             |(fewer, clouds): &(Vec<usize>, usize)| fewer.is_empty() && *clouds == all || fewer.len() + clouds <= most;
         let walks = walks.filter(fits).filter_map(|(fewer, clouds)| self.walk(levels, fewer, clouds));
@@ -146,13 +144,13 @@ mod tests {
             clouds: vec![candidate(at, &cloud)],
         };
         let scenes = Scenes::to(50.0).unwrap();
-        let late = scenes.cheapest(&levels(60.0), 4, false);
+        let late = scenes.best(&levels(60.0), 4, 1);
         assert_eq!((&late.fewer[..], &late.crowns[..]), (&[0, 1][..], &[500.0, 200.0, 60.0][..]));
-        let one = scenes.cheapest(&levels(60.0), 2, false);
+        let one = scenes.best(&levels(60.0), 2, 1);
         assert_eq!((&one.fewer[..], one.clouds), (&[1][..], 1));
-        assert!(one.cost > late.cost && one.cost < scenes.cheapest(&levels(60.0), 1, false).cost);
+        assert!(one.cost > late.cost && one.cost < scenes.best(&levels(60.0), 1, 1).cost);
         // A cloud that takes over before they do leaves them no room.
-        let early = scenes.cheapest(&Levels { fewer: vec![candidate(70.0, &half)], ..levels(80.0) }, 4, false);
+        let early = scenes.best(&Levels { fewer: vec![candidate(70.0, &half)], ..levels(80.0) }, 4, 1);
         assert_eq!((early.fewer.len(), early.clouds), (0, 1));
     }
 
@@ -167,7 +165,7 @@ mod tests {
                 fewer: vec![candidate(500.0, &half)],
                 clouds: vec![Candidate { passes: false, ..candidate(60.0, &cloud) }],
             };
-            assert_eq!(Scenes::to(50.0).unwrap().cheapest(&levels, 4, false).clouds, clouds, "{count}");
+            assert_eq!(Scenes::to(50.0).unwrap().best(&levels, 4, 0).clouds, clouds, "{count}");
         }
     }
 
@@ -176,6 +174,6 @@ mod tests {
         let [leaves, cloud] = [prices(2.0, 4000.0), prices(9.0, 3000.0)];
         let cloud = Candidate { wished: Some(300.0), ..candidate(60.0, &cloud) };
         let levels = Levels { leaves: &leaves, simplified: None, fewer: Vec::new(), clouds: vec![cloud] };
-        assert_eq!(Scenes::to(50.0).unwrap().cheapest(&levels, 4, true).crowns, [300.0]);
+        assert_eq!(Scenes::to(50.0).unwrap().best(&levels, 4, 1).crowns, [300.0]);
     }
 }
