@@ -406,12 +406,11 @@ def test_thin_branches_are_on_the_cloud_and_not_in_its_trunk() -> None:
     faces = np.concatenate([of_stem, *(of_thin + len(stem) + i * len(thin) for i in range(8))])
     corners = [tuple(map(int, triangle)) for triangle in faces]
     add_mesh("trunk", [tuple(p) for p in positions], corners, materials=[material("bark")])
-    result = bake(read(), BakeSettings(quality=0.1, texture_size=256, levels=1, every_level=True))
+    result = bake(read(), BakeSettings(quality=0.1, texture_size=256, levels=1, every_level=True, form="billboards"))
     [twigs] = result.chain.twigs
     assert twigs.tolist() == list(range(len(of_stem), len(faces)))
-    came, *leaves, cloud, _ = result.levels
+    came, cloud, _ = result.levels
     assert came.trunk_triangles == len(faces)
-    assert all(level.trunk_corners.max() >= 3 * len(of_stem) for level in leaves if level.trunk_corners is not None)
     assert 0 < cloud.trunk_triangles <= len(of_stem)
     assert cloud.trunk_corners.max() < 3 * len(of_stem), "triangles of the stem, counted through the whole trunk"
 

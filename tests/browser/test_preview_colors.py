@@ -174,7 +174,7 @@ EFFECTS = {
 @pytest.mark.parametrize("effects", rest_at_night(EFFECTS.values()), ids=EFFECTS)
 def test_effects_that_change_materials_are_previewed(effects: str, shrub: Path, tmp_path: Path) -> None:
     """Cameras look from in front and from behind."""
-    baked = baked_shrub(shrub, effects=effects, levels=1)
+    baked = baked_shrub(shrub, effects=effects, levels=1, form="billboards")
     first, cross = baked.switch_distances[1:]
     cameras = [
         camera_at(distance, *sphere_of(baked), azimuth=azimuth)
@@ -190,7 +190,7 @@ def test_baked_light_is_previewed(shrub: Path, tmp_path: Path) -> None:
     sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
     sun.data.energy, sun.rotation_euler = 4.0, (0.5, 0.4, 0.0)
     bpy.context.scene.collection.objects.link(sun)
-    baked = baked_shrub(shrub, effects="auto,+baked_light", levels=1)
+    baked = baked_shrub(shrub, effects="auto,+baked_light", levels=1, form="billboards")
     bpy.data.objects.remove(sun)
     first, cross = baked.switch_distances[1:]
     cameras = [camera_at(distance, *sphere_of(baked)) for distance in (0.5 * first, 1.12 * first, 1.5 * cross)]
