@@ -991,8 +991,8 @@ def build_chain(
     ``twigs``, with ``quality``: clouds show the thin branches of ``trunk`` (``Chain.twigs``), unless the tree then
     costs more to draw. Draw their trunks without these.
     ``form``, with ``quality``: "billboards", "leaves" (level 1 is :class:`LeafLevel`, however little it saves), or
-    "auto": leaves where they make the scene a tenth cheaper to draw, and half or a quarter of the leaves where the
-    first cloud takes over late.
+    "auto": leaves where they make the scene a tenth cheaper to draw, and fewer of the leaves where that is
+    cheaper than a cloud.
     ``steps``: for each cloud its ε and the diameter of the crown in pixels where it takes over, in place of the ε that
     grow by :data:`EPSILON_STEP` and of ``pixels``.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
