@@ -29,7 +29,7 @@ pub const LARGEST_OF_QUICK: usize = 128;
 /// Most levels after the leaves: each is a mesh and a hand-over more in the file.
 const MOST_LEVELS: usize = 5;
 
-/// A chain whose levels have sizes.
+/// A chain, with the size at which each level takes over.
 pub struct Settled {
     /// The chain.
     pub chosen: Chosen,

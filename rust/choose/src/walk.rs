@@ -26,7 +26,7 @@ pub struct Candidate<'a> {
     pub passes: bool,
     /// Diameter of the crown in pixels at which the settings want it.
     pub wished: Option<f64>,
-    /// What it costs.
+    /// Its drawing cost in each ring of the scene.
     pub prices: &'a Prices,
 }
 

@@ -1,8 +1,8 @@
 //! Clusters of neighboring leaves, with one leaf that stands for each.
 //!
-//! Cook's random order leaves gaps: where by chance few leaves stay, the crown gets thin. In clusters every part of the crown keeps its share
-//! of what is seen of it. The clusters are cells of a k-d tree whose cuts halve what is seen of the leaves,
-//! so leaves that the crown hides take few clusters. The leaf nearest to the middle of its cluster moves there and grows by what is seen of all.
+//! Cook's random order leaves gaps: where by chance few leaves stay, the crown gets thin. Clusters keep the density of every part of the crown.
+//! They are the cells of a k-d tree. Each cut halves the visible area of the leaves, so hidden leaves get few clusters. In each cluster, the leaf
+//! nearest to the middle moves to the middle. It grows until its visible area is that of the whole cluster.
 //! O(n log² n).
 
 use glam::DVec3;
