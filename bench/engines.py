@@ -32,7 +32,7 @@ from typing import Any
 import bpy
 import numpy as np
 from commits import measured_commit
-from engine_views import ROWS, bundle, code_of, hand_overs, levels_of, pictures, sphere_of
+from engine_views import ROWS, bundle, code_of, fade_behind, hand_overs, levels_of, pictures, sphere_of
 from flat_views import make_flat
 from glb import Node
 from mathutils import Vector
@@ -242,7 +242,7 @@ def frame_rows(tree: Path, engine: str) -> Iterator[list[str]]:
     file = bake(tree, "babylon" if engine == KTX2 else engine)
     levels = levels_of(file)
     for number, distance in enumerate(hand_overs(levels)):
-        fade = 0.1 if "transition_end" in levels[number].extras["leafcloud"] else 0.25
+        fade = fade_behind("transition_end" in levels[number].extras["leafcloud"])
         places = [distance, distance * (1.0 + fade), 0.97 * distance]
         view = View.of(0.9 * distance, levels[0])
         crown = int(view.side * sphere_of(levels[0])[1] / distance / math.tan(math.radians(view.fov / 2.0)))

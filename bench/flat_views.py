@@ -3,12 +3,11 @@
 usage: python flat_views.py OUT.npz SIZE VIEWS GRID MODEL …
 
 A MODEL is FILE.glb, or FILE.glb:NODE for one of its levels without the trunk. Behind either, @1 sets the morph target,
-@sway moves the leaves as a breeze does (`sway.py`), and @half moves the samples by half their distance, to measure the
-sampling error. The bounding sphere of the first model frames all pictures, or that of the model with @frame, which is
-not drawn. Writes one array (views, SIZE, SIZE, 4)
-per model: linear light, premultiplied, the mean of GRID × GRID samples on a regular grid in each pixel. That converges
-faster than random samples under a wide filter. Independent of the project's own renderer: Blender imports, Cycles
-renders.
+@sway moves the leaves as a breeze does (`sway.py`; @sway0.05 by 0.05 R), and @half moves the samples by half their
+distance, to measure the sampling error. The bounding sphere of the first model frames all pictures, or that of the
+model with @frame, which is not drawn. Writes one array (views, SIZE, SIZE, 4) per model: linear light, premultiplied,
+the mean of GRID × GRID samples on a regular grid in each pixel. That converges faster than random samples under a wide
+filter. Independent of the project's own renderer: Blender imports, Cycles renders.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ import numpy as np
 from clear_cells import leave_out_clear
 from mathutils import Vector
 from numpy.typing import NDArray
-from sway import first_of_trunk, places_of, sphere_around, sway
+from sway import MOVE, first_of_trunk, places_of, sphere_around, sway
 
 MARGIN = 1.0 / 128.0
 """Margin around the rendered region, as a fraction of the picture's side."""
@@ -75,8 +74,8 @@ def visible_meshes(model: str) -> list[bpy.types.Object]:
         if obj.data.shape_keys:
             set_morph(obj, int(state == "1"))
     visible = [obj for obj in meshes if not obj.hide_render]
-    if state == "sway":
-        sway(visible)
+    if state.startswith("sway"):
+        sway(visible, float(state[4:] or MOVE))
     return visible
 
 
@@ -151,9 +150,9 @@ def picture(path: str, size: int, grid: int) -> NDArray[np.float32]:
 
 
 def rendered(
-    models: list[str], size: int, views: int, grid: int, *, shrink: bool = True
+    models: list[str], size: int, views: int, grid: int, *, shrink: bool = True, bounces: int = 1024
 ) -> dict[str, NDArray[np.float32]]:
-    """Return the pictures (views, size, size, 4) of each model that is drawn.
+    """Return the pictures (views, size, size, 4) of each model that is drawn, with so many transparent bounces.
 
     shrink: leave out the transparent parts of meshes. That takes seconds a view, so few samples are faster without.
     """
@@ -167,6 +166,7 @@ def rendered(
             for obj in objects if shrink else []:
                 leave_out_clear(obj)
             camera = set_up_camera(size * grid, radius)
+            bpy.context.scene.cycles.transparent_max_bounces = bounces
             if model.endswith("@half"):
                 camera.data.shift_x = camera.data.shift_y = 0.5 / (size * grid)
             pictures = []

@@ -19,6 +19,8 @@ SKY = np.array([0.55, 0.66, 0.78], np.float32)
 SIGMAS = (1.0, 2.0, 4.0)
 """Widths in pixels of the blurs between which the octaves lie, behind the picture itself."""
 CELLS = 16
+LEAST_INSIDE = 40
+"""Fewest pixels inside the crown for its contrast to count: a few pixels between two gaps are no texture."""
 
 
 def looks(base: Pictures, other: Pictures) -> dict[str, Any]:
@@ -65,7 +67,7 @@ def flip(a: Picture, b: Picture) -> float:
 
 def contrast(a: Picture, b: Picture) -> list[float]:
     inside = gaussian_filter(a[..., 3], 4.0) > 0.6
-    if not inside.any():
+    if inside.sum() < LEAST_INSIDE:
         return [1.0] * len(SIGMAS)
     return [y / x for x, y in zip(octaves(a, inside), octaves(b, inside), strict=True)]
 

@@ -275,14 +275,18 @@ def measured(plants: Sequence[Path]) -> tuple[list[str], Bytes]:
     return [f"Geometric means over {len(plants)} plants:\n", *whole, *tables], sheet_of(pictures)
 
 
+def all_plants(folder: Path) -> list[Path]:
+    """Return the files of the measured trees, and of all plants that are made from numbers, written into a folder."""
+    made = [write(name, folder) for name in PLANTS] + [write_unseen(name, folder) for name in TREES]
+    return [*measured_trees(), *made]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("plants", nargs="*", type=Path)
     given = parser.parse_args().plants
     with tempfile.TemporaryDirectory() as folder:
-        made = [write(name, Path(folder)) for name in PLANTS]
-        made += [write_unseen(name, Path(folder)) for name in TREES]
-        lines, picture = measured(given or [*measured_trees(), *made])
+        lines, picture = measured(given or all_plants(Path(folder)))
     if not given:
         leafcloud.write_png(str(PICTURE), picture | LAST_BITS)
         DOCUMENT.write_text(INTRODUCTION.format(commit=measured_commit(), side=SIDE) + "\n" + "\n".join(lines) + "\n")

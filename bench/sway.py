@@ -1,8 +1,8 @@
 """The control of comparisons: the same tree as a light breeze has moved it, an equally good tree.
 
 Every vertex of a leaf moves by a smooth random field: sixteen plane waves, 0.4 R long, of random direction, motion and
-phase, together 0.025 R in root mean square. Neighbors stay neighbors, so the crown keeps its coverage and its texture;
-only the places of the leaves are others. The trunk stays where it is.
+phase, together 0.025 R in root mean square, or another length. Neighbors stay neighbors, so the crown keeps its
+coverage and its texture; only the places of the leaves are others. The trunk stays where it is.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ SEED = 7
 Vectors = NDArray[np.float64]
 
 
-def sway(meshes: list[bpy.types.Object]) -> None:
-    """Move the leaves of one tree, which has no shape keys."""
+def sway(meshes: list[bpy.types.Object], move: float = MOVE) -> None:
+    """Move the leaves of one tree, which has no shape keys, by `move` in R."""
     leaves = {obj: leaf_vertices(obj.data) for obj in meshes}
     _, radius = sphere_around(np.concatenate([places_of([obj])[own] for obj, own in leaves.items()]))
     random = np.random.default_rng(SEED)
@@ -29,7 +29,7 @@ def sway(meshes: list[bpy.types.Object]) -> None:
     for obj, own in leaves.items():
         places = places_of([obj])
         waves = np.sin(places[own] @ along.T * (2.0 * math.pi / (LENGTH * radius)) + phase)
-        places[own] += waves @ motion * (MOVE * radius * math.sqrt(2.0 / WAVES))
+        places[own] += waves @ motion * (move * radius * math.sqrt(2.0 / WAVES))
         back = np.array(obj.matrix_world.inverted())
         obj.data.vertices.foreach_set("co", (places @ back[:3, :3].T + back[:3, 3]).ravel())
         obj.data.update()

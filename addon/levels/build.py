@@ -14,7 +14,7 @@ from ..mesh.baked_levels import EXTRAS
 from ..nodes.laws import NEVER
 from ..nodes.lod import LodSettings, add_lod_modifier
 from ..plan.lod_range import LodRange, shows_trunk, trunk_range
-from ..plan.trunk_limits import trunk_limits
+from ..plan.trunk_limits import MOST_CHANGE, trunk_limits
 from ..steps import Steps
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
@@ -104,7 +104,9 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
         limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
         none = np.empty(0, np.uint32)
         twigs = [none] * leaf_levels + (build.chain.twigs or [none] * len(build.chain.clouds))
-        views = [TrunkView(*view) for view in zip(near, pixels, limits, twigs, strict=False)]
+        # A wished number of triangles comes before the picture.
+        change = MOST_CHANGE if build.schedule.triangles is None else 1.0
+        views = [TrunkView(*view, change) for view in zip(near, pixels, limits, twigs, strict=False)]
         coarser = simplified(first, unrolled(tree.trunk), tree.matrix, views)
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *impostors]

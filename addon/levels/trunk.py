@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import bpy
@@ -41,14 +42,15 @@ class TrunkView:
     """How a level's trunk is seen where the level appears.
 
     level: the leaves or the cloud that hide parts of the trunk. pixel: side of a pixel on the tree, world units.
-    limit: maximum number of triangles. twigs: triangles of the trunk that the cloud shows itself, those of the cloud
-    before among them.
+    limit: maximum number of triangles; more are kept where the picture would change by more than `most_change`, a
+    share. twigs: triangles of the trunk that the cloud shows itself, those of the cloud before among them.
     """
 
     level: leafcloud.LeafLevel | leafcloud.Level
     pixel: float
     limit: int
     twigs: NDArray[np.integer[Any]] = field(default_factory=lambda: np.empty(0, np.uint32))
+    most_change: float = 1.0
 
 
 def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
@@ -170,16 +172,18 @@ def _simplified(
     """
     if len(branches) < len(geometry.triangles) and len(branches) <= most:
         return 3 * branches[:, None] + np.arange(3, dtype=np.uint32), 0.0
-    found = leafcloud.simplify(
+    simplify = partial(
+        leafcloud.simplify,
         positions,
         geometry.triangles[branches],
         leaves=view.level.foliage(),
         pixel=view.pixel,
-        change=CHANGE,
-        most=view.limit,
         uvs=None if geometry.uvs is None else geometry.uvs[branches],
         normals=geometry.normals[branches],
         colors=None if geometry.colors is None else geometry.colors[branches],
         material_ids=geometry.material_ids[branches],
     )
+    found = simplify(change=CHANGE, most=view.limit)
+    if found.change > view.most_change:
+        found = simplify(change=view.most_change)
     return 3 * branches[found.corners // 3] + found.corners % 3, found.change

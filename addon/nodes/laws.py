@@ -27,6 +27,11 @@ ABOUT_LOD_DISTANCE = "Factor on all distances. At 2 finer levels are drawn twice
 NEAREST = 1e-3
 """Least factor."""
 
+STAGGER = "Stagger"
+"""Input of the groups that follow the camera: the share of a distance by which switches are spread around it."""
+STAGGER_TURNS = (0.7549, 0.5698, 0.4387)
+"""Turns per world unit of an object's place, as in shaders/leafcloud.glsl."""
+
 LENGTH = {"subtype": "DISTANCE", "min_value": 0.0}
 SHARE = {"subtype": "FACTOR", "min_value": 0.0, "max_value": 1.0}
 
@@ -102,7 +107,7 @@ class CameraNodes:
 
 
 def camera_distance(section: Section, camera: CameraNodes) -> bpy.types.NodeSocket:
-    """Return d to the input Centre, in the object's coordinates, divided by the input LOD Distance.
+    """Return d to the input Centre, in the object's coordinates, divided by the input LOD Distance and by `_staggered`.
 
     0 without a camera: the level is at rest, unpruned. A LOD Distance of 0 counts as 1: a driver gives 0 where its
     source is gone, as after the deletion of a root.
@@ -111,19 +116,38 @@ def camera_distance(section: Section, camera: CameraNodes) -> bpy.types.NodeSock
     given = section.group_input(LOD_DISTANCE)
     positive = section.compare(given, "GREATER_THAN", 0.0, label="Is it given?")
     least = section.math("MAXIMUM", given, NEAREST, label="At least")
-    factor = section.switch("FLOAT", positive, 1.0, least, label=LOD_DISTANCE)
+    given = section.switch("FLOAT", positive, 1.0, least, label=LOD_DISTANCE)
+    factor = section.math("MULTIPLY", given, _staggered(section), label="Factor")
     return section.math("MINIMUM", section.math("DIVIDE", distance, factor), NEVER * 0.99, label="Distance d")
+
+
+def _staggered(section: Section) -> bpy.types.NodeSocket:
+    """Return 1 + s·w(t) for the input Stagger s and the object's place: `lc_stagger` of shaders/leafcloud.glsl."""
+    own = section.result("GeometryNodeSelfObject")
+    place = section.node("GeometryNodeObjectInfo", own, label="Own place", transform_space="ORIGINAL")
+    turns = section.vector("DOT_PRODUCT", place.outputs["Location"], STAGGER_TURNS, label="t")
+    within = section.math("FRACT", section.math("SUBTRACT", turns, 0.25), label="Within the wave")
+    height = section.math("ABSOLUTE", section.math("SUBTRACT", within, 0.5))
+    wave = section.math("MULTIPLY_ADD", height, 4.0, -1.0, label="w")
+    return section.math("MULTIPLY_ADD", section.group_input(STAGGER), wave, 1.0, label="1 + s·w")
 
 
 def declare_distance(tree: bpy.types.NodeTree, panel: Any) -> None:
     """Declare the inputs of `camera_distance`."""
     declare(tree, "Centre", "Vector", "Point that the distance to the camera is measured from", panel, subtype="XYZ")
     declare_factor(tree, panel)
+    declare_stagger(tree, 0.0, panel)
 
 
 def declare_factor(tree: bpy.types.NodeTree, panel: Any = None) -> None:
     """Declare the input LOD Distance."""
     declare(tree, LOD_DISTANCE, "Float", ABOUT_LOD_DISTANCE, panel, default_value=1.0, min_value=0.0)
+
+
+def declare_stagger(tree: bpy.types.NodeTree, usual: float, panel: Any = None) -> None:
+    """Declare the input Stagger, whose default is `usual`."""
+    about = "Share of a distance by which switches are spread around it, so that neighbors do not switch together"
+    declare(tree, STAGGER, "Float", about, panel, default_value=usual, subtype="FACTOR", min_value=0.0, max_value=0.5)
 
 
 def transition_share(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

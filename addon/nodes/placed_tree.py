@@ -22,11 +22,13 @@ import bpy
 
 from ..versions import set_source
 from .builder import Section
-from .laws import LOD_DISTANCE, declare, declare_factor
+from .laws import LOD_DISTANCE, STAGGER, declare, declare_factor, declare_stagger
 
 AUTO = -1
 """Value of the input Level: the distance decides."""
 _ROW = -900.0
+_STAGGER = 0.1
+"""Share of a distance by which the switches of placed trees are spread around it."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,7 @@ class Part:
 
 def fill_tree_group(tree: bpy.types.NodeTree, parts: Sequence[Part]) -> None:
     """Fill the group with the parts of a tree. Nodes that it had are replaced; its inputs and their values stay."""
-    if not tree.interface.items_tree:
-        _add_interface(tree)
+    _add_interface(tree)
     tree.is_modifier = True
     tree.animation_data_clear()
     tree.nodes.clear()
@@ -70,10 +71,15 @@ def fill_tree_group(tree: bpy.types.NodeTree, parts: Sequence[Part]) -> None:
 
 
 def _add_interface(tree: bpy.types.NodeTree) -> None:
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    declare_factor(tree)
-    level = "Level that is drawn at all distances. −1: the distance decides"
-    declare(tree, "Level", "Int", level, default_value=AUTO, min_value=AUTO)
+    """Declare the inputs that the group lacks: one of an earlier version has no Stagger."""
+    names = {item.name for item in tree.interface.items_tree}
+    if not names:
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        declare_factor(tree)
+        level = "Level that is drawn at all distances. −1: the distance decides"
+        declare(tree, "Level", "Int", level, default_value=AUTO, min_value=AUTO)
+    if STAGGER not in names:
+        declare_stagger(tree, _STAGGER)
 
 
 def _geometry(section: Section, part: Part) -> bpy.types.NodeSocket:
@@ -98,8 +104,9 @@ def _applied(section: Section, modifier: LevelModifier, geometry: bpy.types.Node
         driven = tree.driver_add(f'nodes["{node.name}"].inputs[{place}].default_value')
         set_source(driven.driver, source, path)
     tree.links.new(geometry, node.inputs[0])
-    if LOD_DISTANCE in node.inputs:
-        tree.links.new(section.group_input(LOD_DISTANCE), node.inputs[LOD_DISTANCE])
+    for shared in (LOD_DISTANCE, STAGGER):
+        if shared in node.inputs:
+            tree.links.new(section.group_input(shared), node.inputs[shared])
     if "Manual" in node.inputs:
         by_hand = section.compare_integers(section.group_input("Level"), "GREATER_EQUAL", 0, label="By hand?")
         tree.links.new(by_hand, node.inputs["Manual"])

@@ -12,9 +12,9 @@ import leafcloud
 START_SHARE = 0.5
 """The leaves start to morph at this fraction of the distance where the morph ends: nearer, single leaves are seen."""
 
-FADE, FADE_BEHIND_MORPH = 0.25, 0.1
+FADE, FADE_BEHIND_MORPH = 0.1, 0.05
 """Two levels cross-fade over this fraction of the distance at which the next one appears. After a morph only light and
-the edges of alpha are left to fade."""
+the edges of alpha are left to fade. Both levels are drawn there, so a fade is short."""
 
 LEAST_STEP = 1.25
 """Minimum ratio of a level's switch distance to that of the level before."""

@@ -7,6 +7,10 @@ from collections.abc import Sequence
 CHANGE = 0.01
 """A simplified trunk may change this fraction of the area that shows leaves or trunk, where its level appears."""
 
+MOST_CHANGE = 0.05
+"""Where fewer triangles would change more of the picture, a trunk keeps more than its number: stems of flowers are a
+third of the picture."""
+
 FAR_TRIANGLES = 250
 """Trunk triangles that each level may always have: with fewer, branches seem to vanish."""
 
@@ -18,7 +22,7 @@ WHOLE_SHARE = 0.25
 
 
 def trunk_limits(leaf_triangles: Sequence[int], tree_triangles: int, wished: int | None = None) -> tuple[int, ...]:
-    """Return the maximum number of trunk triangles of each cloud: as many as its leaves have, or a fixed number.
+    """Return the wanted number of trunk triangles of each cloud at most: as many as its leaves have, or a fixed number.
 
     `leaf_triangles`: triangles of each cloud without its trunk. `tree_triangles`: of LOD 0, with its trunk. `wished`:
     most triangles of level 1 (the setting `triangles`), of which its trunk has what its leaves leave.

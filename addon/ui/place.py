@@ -8,8 +8,8 @@ from mathutils import Matrix
 from ..levels.placed_tree import place_of, placed_tree, tree_group
 from ..levels.root import root_of
 from ..mesh.baked_levels import is_placed_tree, record
-from ..nodes.laws import LOD_DISTANCE
-from ..versions import draw_modifier_input
+from ..nodes.laws import LOD_DISTANCE, STAGGER
+from ..versions import draw_modifier_input, has_modifier_input
 from .job_operator import refuse
 from .on_tree import OnTree, active_tree, mode_problem
 from .selection import select_only
@@ -177,5 +177,7 @@ class LEAFCLOUD_PT_place(bpy.types.Panel):
             layout.operator("leafcloud.place_instances")
             return
         modifier = next(each for each in obj.modifiers if each.type == "NODES")
-        draw_modifier_input(layout, modifier, LOD_DISTANCE)
+        for name in (LOD_DISTANCE, STAGGER):
+            if has_modifier_input(modifier, name):
+                draw_modifier_input(layout, modifier, name)
         draw_modifier_input(layout, modifier, "Level", text="Level (−1: Auto)")

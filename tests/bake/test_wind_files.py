@@ -192,7 +192,7 @@ def test_the_viewer_moves_all_as_blender_does(folder: Path, nodes: dict[str, Nod
     places = eyes(nodes)
     question = {
         "tree": "/files/shrub.glb",
-        "settings": {"hysteresis": 0.0},
+        "settings": {"hysteresis": 0.0, "stagger": 0.0},
         "eyes": [eye.tolist() for _, eye in places],
         "seconds": FRAME / 24.0,
     }

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_views import drawn_levels, hand_overs, levels_of, sphere_of
+from engine_views import drawn_levels, fade_behind, hand_overs, levels_of, sphere_of
 from glb import Node, rewritten
 from laws import Floats
 from numpy.typing import NDArray
@@ -218,7 +218,7 @@ def test_a_level_covers_as_much_as_the_one_before_it(baked: Baked, tmp_path: Pat
     """Compare levels from eight sides, because single pixels decide in one picture."""
     shots, turns = [], [math.tau * i / 8 for i in range(8)]
     for number, end in enumerate(baked.ends):
-        fade = end * (0.1 if baked.slides[number] else 0.25)
+        fade = end * fade_behind(baked.slides[number])
         factors = {"before": 1.0, "after": 1.0 / 1.3, "within": 0.99 * end / (end + 0.5 * fade)}
         for (name, factor), (side, turn) in product(factors.items(), enumerate(turns)):
             settings = {"lod_distance": factor, "is_multisampled": is_multisampled, **around(baked, turn)}

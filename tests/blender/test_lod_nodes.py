@@ -382,6 +382,7 @@ def test_the_inputs_have_the_promised_names() -> None:
             "Fade Out Start",
             "Centre",
             "LOD Distance",
+            "Stagger",
             "Manual",
             "Transition",
             "Keep",

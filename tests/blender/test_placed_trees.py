@@ -14,12 +14,12 @@ from addon.levels.placed_tree import placed_tree as object_of
 from addon.levels.placed_tree import tree_group
 from addon.levels.root import root_of
 from addon.mesh.baked_levels import level_number
-from addon.nodes.laws import LOD_DISTANCE
+from addon.nodes.laws import LOD_DISTANCE, STAGGER
 from addon.versions import get_modifier_input, set_modifier_input, source_of_input
 
 pytestmark = pytest.mark.usefixtures("registered")
 
-RADII = (1.0, 100.0, 132.0, 150.0, 165.0, 190.0, 220.0, 400.0)
+RADII = (1.0, 100.0, 132.0, 150.0, 165.0, 190.0, 210.0, 400.0)
 """Distances of the camera in radii of the tree. Level 1 takes over at 128, level 2 at 160, the cross at 200."""
 
 
@@ -43,8 +43,10 @@ def bake(shrub: Path) -> None:
     bpy.context.scene.camera = camera
 
 
-def placed_tree(collection: bpy.types.Collection) -> bpy.types.Object:
-    return object_of(collection.name, tree_group(collection))
+def placed_tree(collection: bpy.types.Collection, stagger: float = 0.0) -> bpy.types.Object:
+    placed = object_of(collection.name, tree_group(collection))
+    set_modifier_input(placed.modifiers[0], STAGGER, stagger)
+    return placed
 
 
 def link(obj: bpy.types.Object) -> bpy.types.Object:
@@ -156,6 +158,23 @@ def test_a_copy_of_the_levels_has_a_distance_of_its_own(baked: bpy.types.Collect
     np.testing.assert_allclose(drawn_points(*levels(baked)), before)
 
 
+@pytest.mark.parametrize(("turns", "wave"), [(0.0, 0.0), (0.25, 1.0), (0.75, -1.0), (1.125, 0.5)])
+def test_neighbors_switch_at_other_distances(baked: bpy.types.Collection, turns: float, wave: float) -> None:
+    """A place of so many turns has the wave w: the tree is as at the distance d / (1 + 0.1·w) without stagger."""
+    _, radius = centre_and_radius(baked)
+    usual = get_modifier_input(object_of("usual", tree_group(baked)).modifiers[0], STAGGER)
+    assert usual == pytest.approx(0.1)
+    placed, plain = link(placed_tree(baked, usual)), link(placed_tree(baked))
+    placed.location.y = plain.location.y = turns / 0.5698
+    for radii in RADII:
+        look_from(baked, (1.0 + 0.1 * wave) * radii)
+        bpy.context.scene.camera.location.y += placed.location.y
+        found = drawn_points(placed)
+        look_from(baked, radii)
+        bpy.context.scene.camera.location.y += placed.location.y
+        np.testing.assert_allclose(found, drawn_points(plain), atol=1e-3 * radius)
+
+
 def test_a_chosen_level_is_drawn_at_any_distance(baked: bpy.types.Collection) -> None:
     placed = link(placed_tree(baked))
     for radii in (1.0, 400.0):
@@ -239,6 +258,8 @@ def test_collection_instances_show_their_own_levels(baked: bpy.types.Collection)
     for radii in RADII:
         root(baked).location.x = -radii * radius
         shown = bpy.data.objects[f"at {radii}"]
+        set_modifier_input(shown.modifiers[0], STAGGER, 0.0)
+        shown.update_tag()
         np.testing.assert_allclose(drawn_points(shown), drawn_points(*levels(baked)), atol=1e-4 * radii)
         assert shown.select_get()
 

@@ -268,6 +268,15 @@ def test_a_trunk_of_few_triangles_beside_its_leaves_stays_whole() -> None:
     assert left(383, 4 * 384).triangles < 384, "the limit comes first"
 
 
+def test_a_trunk_keeps_more_triangles_than_its_number_where_the_picture_needs_them() -> None:
+    trunk = geometry()
+    first = whole("bark", trunk)
+    [few] = simplified(first, trunk, np.eye(4), views((0.01, 8)))
+    [enough] = simplified(first, trunk, np.eye(4), [replace(each, most_change=0.05) for each in views((0.01, 8))])
+    assert few.triangles <= 8 < enough.triangles < first.triangles
+    assert few.change > 0.05 >= enough.change
+
+
 @pytest.mark.night
 def test_levels_never_have_more_triangles_than_the_one_before() -> None:
     """A scale of 2 gives the tube a radius of 2, because pixels are lengths in world space."""

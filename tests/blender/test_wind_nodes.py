@@ -313,7 +313,8 @@ def test_the_inputs_have_their_documented_names() -> None:
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     assert [socket.name for socket in sockets if socket.in_out == "INPUT"] == [
         *("Geometry", "Field", "Direction", "Strength", "Gusts", "Period", "Sway", "Branches", "Flutter", "Foot", "Up"),
-        *("Height", "Spread", "Move Pivots", "Start", "End", "Centre", "LOD Distance", "Manual", "Transition"),
+        *("Height", "Spread", "Move Pivots", "Start", "End", "Centre", "LOD Distance", "Stagger"),
+        *("Manual", "Transition"),
     ]
     assert all(socket.description for socket in sockets if socket.name != "Geometry")
 

@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 from bakes import folder_of
-from engine_views import code_of, for_babylon, forest_file, forest_of, hand_overs, levels_of, pictures, triangles
+from engine_views import (
+    code_of,
+    fade_behind,
+    for_babylon,
+    forest_file,
+    forest_of,
+    hand_overs,
+    levels_of,
+    pictures,
+    triangles,
+)
 from night import rest_at_night
 
 SIDE = 256
@@ -59,8 +69,9 @@ def test_levels_are_drawn_by_distance_and_save_triangles(tree: Path) -> None:
     extras = levels[0].extras["leafcloud"]
     places = np.array(forest_of(extras["radius"], COUNT)).reshape(-1, 4, 4)
     morphs = ["transition_end" in level.extras["leafcloud"] for level in levels]
-    found = forest(tree, code=code_of("babylon", 1) + "\nforest.culling = false;\n")
-    leaves = forest(tree, code=code_of("babylon", 1) + "\nforest.culling = false;\n", settings={"level": 0})
+    all_drawn = code_of("babylon", 1) + "\nforest.culling = false;\n"
+    found = forest(tree, code=all_drawn, settings={"stagger": 0})
+    leaves = forest(tree, code=all_drawn, settings={"level": 0})
     for view, picture, full in zip(views_of(tree), found, leaves, strict=True):
         # A pixel of the file's distances is one of 1080 rows over 50°.
         zoom = SIDE / 1080.0 * math.tan(math.radians(25.0)) / math.tan(math.radians(view["fov"]) / 2.0)
@@ -71,7 +82,7 @@ def test_levels_are_drawn_by_distance_and_save_triangles(tree: Path) -> None:
         for distance in away:
             for number in range(len(levels)):
                 begins = ends[number - 1] if number > 0 else 0.0
-                gone = ends[number] * (1.1 if morphs[number] else 1.25) if number < len(ends) else math.inf
+                gone = ends[number] * (1.0 + fade_behind(morphs[number])) if number < len(ends) else math.inf
                 counts[number] += begins <= distance < gone
         assert picture["counts"] == counts
         most = sum(count * triangles(level) for count, level in zip(counts, levels, strict=True))

@@ -165,7 +165,7 @@ def test_leaves_and_trunk_follow_the_law(
     common = {"code": code, "views": [view], "side": SIDE, "leftHanded": left_handed}
     moved = []
     for seconds, wind in ((3.7, None), (4.4, -9.0), (1.0, 0.0)):
-        settings = {"seconds": seconds, "wind": wind}
+        settings = {"seconds": seconds, "wind": wind, "stagger": 0.0}
         [picture] = pictures("babylon", file, settings=settings, **common)
         strength = 6.0 if wind is None else wind
         law = projected(expected(transition, seconds, strength, angle, np.array(place)))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import ask
-from laws import KNOTS, Floats, drawn_share, kept, ramp, transition, trend
+from laws import KNOTS, Floats, drawn_share, kept, ramp, stagger, transition, trend
 
 PAGE = "tests/browser/probe.html"
 PATIENCE = 120.0
@@ -49,6 +49,14 @@ def transition_table() -> Table:
     arguments = grid([0.0, 1.0, 3.7, 99.0, 1e9], [0.0, 1.0, 3.0], [0.0, 1.0, 4.1, 250.0])
     # Two differences and one quotient are rounded. The difference of a close start and end is exact.
     return Table("vec4(lc_transition(x0.x, x0.y, x0.z))", arguments, transition(*arguments.T), 4.0 * ULP)
+
+
+def stagger_table() -> Table:
+    rng = np.random.default_rng(5)
+    arguments = np.hstack([rng.uniform(-200.0, 200.0, (200, 3)), np.full((200, 1), 0.1)]).astype("f4").astype(float)
+    arguments[0, :3] = 0.0
+    # Three products and three sums of turns up to 352, times the slope 0.4 of the wave.
+    return Table("vec4(lc_stagger(x0.xyz, x0.w))", arguments, stagger(arguments[:, :3], 0.1), 0.4 * 6.0 * 352.0 * ULP)
 
 
 def keep_table() -> Table:
@@ -189,6 +197,7 @@ def tables() -> dict[str, tuple[Table, Floats]]:
     shares = uneven_shares()
     asked = {
         "transition": transition_table(),
+        "stagger": stagger_table(),
         "keep": keep_table(),
         "ramp": ramp_table(),
         "growth": growth_table(),
@@ -210,7 +219,10 @@ def tables() -> dict[str, tuple[Table, Floats]]:
 
 @pytest.mark.parametrize(
     "name",
-    ["transition", "keep", "ramp", "growth", "share", "scale", "bent", "pivot", "place", "trend", "contrast", "mean"],
+    [
+        *("transition", "stagger", "keep", "ramp", "growth", "share", "scale", "bent", "pivot", "place", "trend"),
+        *("contrast", "mean"),
+    ],
 )
 def test_a_function_follows_its_law(tables: dict[str, tuple[Table, Floats]], name: str) -> None:
     table, found = tables[name]

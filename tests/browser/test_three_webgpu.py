@@ -12,7 +12,18 @@ import numpy as np
 import pytest
 from bakes import folder_of
 from browser import ask
-from engine_views import DIRECTION, ENGINES, ROWS, code_of, forest_of, hand_overs, levels_of, pictures, sphere_of
+from engine_views import (
+    DIRECTION,
+    ENGINES,
+    ROWS,
+    code_of,
+    fade_behind,
+    forest_of,
+    hand_overs,
+    levels_of,
+    pictures,
+    sphere_of,
+)
 from glb import rewritten
 from laws import Floats
 from night import rest_at_night
@@ -137,8 +148,7 @@ def test_a_fade_takes_the_pixels_of_its_pattern_from_each_level(backend: str, th
     file = three_bake / "shrub.glb"
     levels = levels_of(file)
     _, radius = sphere_of(levels[0])
-    length = 0.1 if "transition_end" in levels[number].extras["leafcloud"] else 0.25
-    share = 1.0 / 3.0
+    length, share = fade_behind("transition_end" in levels[number].extras["leafcloud"]), 1.0 / 3.0
     factor = AWAY * radius * ROWS / SIDE / (hand_overs(levels)[number] * (1.0 + length * share))
     looks = [{"lodDistance": factor, "level": level} for level in (None, number, number + 1)]
     faded, before, behind = (

@@ -153,7 +153,7 @@ class Tree:
     def settings(self) -> dict[str, Any]:
         """Settings of the viewer."""
         by_hand = {} if self.as_baked else {"pruneStart": self.pruning(0).start, "pruneHalf": self.pruning(0).half}
-        return {"hysteresis": 0.0, **by_hand}
+        return {"hysteresis": 0.0, "stagger": 0.0, **by_hand}
 
     def eyes(self) -> list[tuple[int, Floats]]:
         """Return eyes all around the tree, in glTF's coordinates, each with its visible level.
@@ -162,13 +162,13 @@ class Tree:
         no distance is λ equal to the rank of a leaf.
         """
         first, second, third = self.vanish
-        near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999, 1.03)]
+        near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999, 1.015)]
         middle = [
-            (1, 1.101 * first),
+            (1, 1.051 * first),
             *((1, first + share * (second - first)) for share in (0.5, 0.75)),
-            *((1, share * second) for share in (0.999, 1.06)),
+            *((1, share * second) for share in (0.999, 1.03)),
         ]
-        far = [(2, 1.101 * second), (2, 1.1 * third), (3, 1.251 * third), (3, 2.0 * third)]
+        far = [(2, 1.051 * second), (2, 1.04 * third), (3, 1.101 * third), (3, 2.0 * third)]
         count = len(near + middle + far)
         angles = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
         directions = np.stack([np.cos(angles), np.linspace(-0.3, 0.8, count), np.sin(angles)], -1)

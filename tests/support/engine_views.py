@@ -109,12 +109,15 @@ def triangles(level: Node) -> int:
     return sum(len(primitive.indices) for primitive in (*level.primitives, *level.trunk))
 
 
+def fade_behind(morphs: bool) -> float:
+    """Return the length of the fade behind a level, as a fraction of the distance where it starts."""
+    return 0.05 if morphs else 0.1
+
+
 def drawn_levels(distance: float, ends: Sequence[float], morphs: Sequence[bool]) -> list[int]:
-    """Return the levels that are drawn at a distance: two while they fade, over a tenth of the distance after a morph,
-    else over a quarter.
-    """
+    """Return the levels that are drawn at a distance: two while they fade."""
     number = sum(distance >= end for end in ends)
-    fades = number > 0 and distance < ends[number - 1] * (1.1 if morphs[number - 1] else 1.25)
+    fades = number > 0 and distance < ends[number - 1] * (1.0 + fade_behind(morphs[number - 1]))
     return [number - 1, number] if fades else [number]
 
 

@@ -6,6 +6,7 @@ f flutter of a leaf, c pivot of a leaf, C pivot of its billboard.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,12 @@ KNOTS = (np.arange(65) / 64) ** 2
 
 def transition(distance: Floats, start: Floats, end: Floats) -> Floats:
     return np.clip((distance - start) / np.maximum(end - start, 1e-30), 0.0, 1.0)
+
+
+def stagger(place: Floats, amount: float) -> Floats:
+    """Return the factor on the distances of trees at places (n, 3), y up: 1 + s·w(t), w a triangle wave from 0."""
+    turns = np.asarray(place @ [0.7549, 0.4387, 0.5698])
+    return 1.0 + amount * 2.0 / math.pi * np.arcsin(np.sin(2.0 * math.pi * turns))
 
 
 def kept(distance: Floats, start: Floats, half: Floats) -> Floats:

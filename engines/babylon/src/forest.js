@@ -1,6 +1,6 @@
 // Many copies of one tree, each with the level for its own distance.
 import { BoundingInfo, Frustum, Geometry, Matrix, Vector3, VertexBuffer } from "@babylonjs/core";
-import { NEVER, viewFactor } from "./laws.js";
+import { NEVER, staggerAt, viewFactor } from "./laws.js";
 import { rangesOf, scaleOf } from "./levels.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 import { copyOf } from "./tree.js";
@@ -72,25 +72,27 @@ export class Forest {
     const settings = forPicture(this.settings, this.#scene.getEngine());
     const factor = viewFactor(fieldOfView(camera), settings);
     const ranges = rangesOf(this.#layers.map(({ level }) => level), wantedLevel(settings, this.#layers.length), settings);
-    this.#sort(camera, factor, ranges);
+    this.#sort(camera, { factor, ranges, stagger: settings.stagger });
     this.#layers.forEach(({ level, nearest }, number) => {
       level.move({ eye: camera.globalPosition, factor, range: ranges[number], nearest, settings });
     });
   }
 
   /** Sorts the trees into levels, unless nothing has moved since the last time. */
-  #sort(camera, factor, ranges) {
+  #sort(camera, { factor, ranges, stagger }) {
     const view = camera.getTransformationMatrix();
     const place = this.root.computeWorldMatrix(true);
-    const state = [...view.asArray(), ...place.asArray(), ...ranges.flat(), factor, this.culling].join();
+    const state = [...view.asArray(), ...place.asArray(), ...ranges.flat(), factor, stagger, this.culling].join();
     if (state === this.#sortedFor) return;
     this.#sortedFor = state;
     const planes = this.culling ? Frustum.GetPlanes(view) : [];
     const scale = scaleOf(place);
-    const distances = this.#spheres.map(({ middle, scale: own }) => {
+    const distances = this.#spheres.map(({ middle, scale: own }, i) => {
       const there = Vector3.TransformCoordinates(middle, place);
       const isSeen = planes.every((plane) => plane.dotCoordinate(there) >= -this.#reach * own * scale);
-      return isSeen ? Vector3.Distance(there, camera.globalPosition) / (own * scale * factor) : NaN;
+      const origin = Vector3.TransformCoordinates(this.#places[i].getTranslation(), place).asArray();
+      const unit = own * scale * factor * staggerAt(origin, stagger);
+      return isSeen ? Vector3.Distance(there, camera.globalPosition) / unit : NaN;
     });
     this.#layers.forEach((layer, number) => fill(layer, distances, ranges[number]));
   }

@@ -24,6 +24,17 @@ float lc_transition(float distance, float start, float end) {
     return clamp((distance - start) / max(end - start, LC_TINY), 0.0, 1.0);
 }
 
+// Turns per world unit of a tree's place for lc_stagger. Y-up as in glTF: (x, z, y) of Blender's. Those of neighbors on
+// a grid are far apart.
+const vec3 LC_STAGGER_TURNS = vec3(0.7549, 0.4387, 0.5698);
+
+// 1 + s·w(t): the factor on the distances of the tree at \`place\` in the world, so that trees at the same distance do not
+// switch together. \`amount\` s in [0, 1); w is a triangle wave of t = place · LC_STAGGER_TURNS, 0 at the origin: as
+// evenly spread as a random number, without its jumps, so processors and shaders agree.
+float lc_stagger(vec3 place, float amount) {
+    return 1.0 + amount * (4.0 * abs(fract(dot(place, LC_STAGGER_TURNS) - 0.25) - 0.5) - 1.0);
+}
+
 // λ = min((d₀/d)^(log_h ½), 1): the fraction of leaves to draw. \`start\` d₀ > 0; \`half_at\` h in (0, ½]: λ(d₀/h) = ½.
 // Exactly 1 up to d₀. Below λ = 0.005 draw a cheaper level instead.
 float lc_keep(float distance, float start, float half_at) {

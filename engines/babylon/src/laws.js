@@ -12,6 +12,15 @@ const FILE_VIEW = Math.tan((25 * Math.PI) / 180) / 1080;
 /** LC_PLACE_TURNS of leafcloud.glsl. */
 export const PLACE_TURNS = [0.1732, 0.2236, -0.1414];
 
+/** LC_STAGGER_TURNS of leafcloud.glsl. */
+export const STAGGER_TURNS = [0.7549, 0.4387, 0.5698];
+
+/** 1 + s·w(t), lc_stagger of leafcloud.glsl. `place`: [x, y, z] in the world. */
+export function staggerAt(place, amount) {
+  const turns = place.reduce((sum, each, axis) => sum + each * STAGGER_TURNS[axis], 0) - 0.25;
+  return 1 + amount * (4 * Math.abs(turns - Math.floor(turns) - 0.5) - 1);
+}
+
 /** clamp((d − start) / (end − start), 0, 1), as in leafcloud.glsl. */
 export function transitionAt(distance, start, end) {
   return Math.min(Math.max((distance - start) / Math.max(end - start, 1e-30), 0), 1);

@@ -129,7 +129,8 @@ export class Level {
    */
   move({ eye, factor, range, nearest, settings }) {
     const numbers = this.#numbers;
-    Object.assign(numbers, { lcViewer: eye.asArray(), lcUnit: [factor / this.scale], lcFadeAt: range });
+    const view = { lcViewer: eye.asArray(), lcUnit: [factor / this.scale], lcStagger: [settings.stagger] };
+    Object.assign(numbers, view, { lcFadeAt: range });
     if (this.wind) this.#blow(this.wind, settings);
     for (const { mesh, prefixes } of this.#pruned) {
       const keep = keepAt(nearest, ...numbers.lcKeepAt);

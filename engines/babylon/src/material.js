@@ -10,6 +10,7 @@ const UNIFORMS = {
   lcViewer: [0, 0, 0], // in the world
   lcCentre: [0, 0, 0], // of the leaves, in the level's coordinates
   lcUnit: [1], // the file's unit of distance in the level's coordinates, for the view
+  lcStagger: [0],
   lcTransitionAt: [NEVER, NEVER], // start, end
   lcFadeAt: [-2, -1, NEVER, 2 * NEVER], // appears from, to; goes from, to
   lcKeepAt: [NEVER, 0.5], // prune start, prune half
@@ -55,7 +56,8 @@ mat4 lcTreePlace() {
 }
 
 float lcDistance(mat4 place) {
-    return distance(lcViewer, (place * vec4(lcCentre, 1.0)).xyz) / (length(place[0].xyz) * lcUnit);
+    float unit = length(place[0].xyz) * lcUnit * lc_stagger(place[3].xyz, lcStagger);
+    return distance(lcViewer, (place * vec4(lcCentre, 1.0)).xyz) / unit;
 }
 
 LcWind lcWindAt(mat4 place) {

@@ -9,6 +9,8 @@ import { Camera } from "@babylonjs/core";
  * pixels: height of the picture in pixels; null: that of the engine.
  * fade: fade length of a level that no level morphs to, as a fraction of its switch distance.
  * fadeBehindMorph: the same after a morph.
+ * stagger: share of a distance by which the trees' switches are spread around it, by their places in the world, so that
+ *   neighbors do not switch together. 0: none.
  * wind: strength of the wind, like that of Blender's force fields; 0: no motion. null: the file's number. Files without
  *   wind ignore it.
  * seconds: time of the wind; null: the page's clock.
@@ -17,8 +19,9 @@ export const SETTINGS = {
   level: null,
   lodDistance: 1,
   pixels: null,
-  fade: 0.25,
-  fadeBehindMorph: 0.1,
+  fade: 0.1,
+  fadeBehindMorph: 0.05,
+  stagger: 0.1,
   wind: null,
   seconds: null,
 };

@@ -1,6 +1,6 @@
 // A tree with levels of detail in Babylon.js.
 import { TransformNode, Vector3 } from "@babylonjs/core";
-import { viewFactor } from "./laws.js";
+import { staggerAt, viewFactor } from "./laws.js";
 import { Level, rangesOf, scaleOf } from "./levels.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 
@@ -67,7 +67,7 @@ export class Tree {
     const eye = camera?.globalPosition ?? middle;
     this.distance = (Vector3.Distance(eye, middle) * this.#levels[0].scale) / scaleOf(place);
     const factor = camera ? viewFactor(fieldOfView(camera), settings) : 1;
-    const nearest = this.distance / factor;
+    const nearest = this.distance / (factor * staggerAt(place.getTranslation().asArray(), settings.stagger));
     const ranges = rangesOf(this.#levels, wantedLevel(settings, this.#levels.length), settings);
     this.level = ranges.findIndex(([from, , , gone]) => nearest >= from && nearest < gone);
     this.#levels.forEach((level, number) => {

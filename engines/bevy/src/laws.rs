@@ -6,8 +6,11 @@ use std::ops::Range;
 const HAND_OVER: f32 = 0.998;
 
 /// Length of a cross-fade after a morph, and without one, as a fraction of the distance where it starts.
-const FADE_AFTER_MORPH: f32 = 0.1;
-const FADE_WITHOUT_MORPH: f32 = 0.25;
+const FADE_AFTER_MORPH: f32 = 0.05;
+const FADE_WITHOUT_MORPH: f32 = 0.1;
+
+/// The share of a distance by which the trees' switches are spread around it.
+pub const STAGGER: f32 = 0.1;
 
 /// A distance that no camera reaches.
 pub const NEVER: f32 = 1e30;
@@ -40,6 +43,14 @@ pub fn fade_out(transition: Option<&Range<f32>>, next: Option<f32>) -> Range<f32
     start..start * (1.0 + length)
 }
 
+/// Returns the factor on the distances of the tree at a place in the world, `lc_stagger` of `leafcloud.glsl`: trees at the same distance do
+/// not switch together.
+#[must_use]
+pub fn stagger_at(place: [f32; 3], amount: f32) -> f32 {
+    let turns = 0.7549 * place[0] + 0.4387 * place[1] + 0.5698 * place[2] - 0.25;
+    1.0 + amount * (4.0 * (turns - turns.floor() - 0.5).abs() - 1.0)
+}
+
 /// Returns the factor on a file's distances at which levels take over at the size in pixels for which they were baked.
 ///
 /// `field_of_view`: vertical, in radians. `pixels`: height of the picture.
@@ -69,6 +80,13 @@ mod tests {
         let slide = 10.0..30.0;
         for (distance, a) in [(0.0, 0.0), (10.0, 0.0), (15.0, 0.25), (20.0, 0.5), (30.0, 1.0), (1e9, 1.0)] {
             assert_near(transition_at(distance, &slide), a);
+        }
+    }
+
+    #[test]
+    fn places_spread_switches_around_their_distance() {
+        for (turns, wave) in [(0.0, 0.0), (0.25, 1.0), (0.5, 0.0), (0.75, -1.0), (1.125, 0.5)] {
+            assert_near(stagger_at([turns / 0.7549, 0.0, 0.0], 0.1), 1.0 + 0.1 * wave);
         }
     }
 

@@ -10,7 +10,7 @@ use bevy::mesh::morph::MeshMorphWeights;
 use bevy::prelude::*;
 
 use crate::file::{LABEL, LeafcloudFile, Level, Part};
-use crate::laws::{stepped, transition_at, view_factor};
+use crate::laws::{STAGGER, stagger_at, stepped, transition_at, view_factor};
 
 /// A tree that shows the level for its distance from the camera. Its levels become its children once the file has been read.
 #[derive(Component, Clone, Debug)]
@@ -22,6 +22,8 @@ pub struct LeafcloudTree {
     pub number: usize,
     /// Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
     pub lod_distance: f32,
+    /// The share of a distance by which the trees' switches are spread around it, by their places, so that neighbors do not switch together.
+    pub stagger: f32,
 }
 
 impl LeafcloudTree {
@@ -36,7 +38,7 @@ impl LeafcloudTree {
     /// Returns the first tree of a file.
     #[must_use]
     pub const fn new(file: Handle<LeafcloudFile>) -> Self {
-        Self { file, number: 0, lod_distance: 1.0 }
+        Self { file, number: 0, lod_distance: 1.0, stagger: STAGGER }
     }
 }
 
@@ -129,7 +131,8 @@ pub(crate) fn follow(
     };
     let of_view = factor_of(camera, projection);
     for (tree, place, children) in &trees {
-        let factor = stepped(of_view * tree.lod_distance * scale_of(place));
+        let staggered = stagger_at(place.translation().to_array(), tree.stagger);
+        let factor = stepped(of_view * tree.lod_distance * scale_of(place) * staggered);
         let mut followers = parts.iter_many_mut(children);
         while let Some(mut follower) = followers.fetch_next() {
             follower.visibility.set_if_neq(follower.part.visibility(factor));

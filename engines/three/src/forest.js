@@ -1,6 +1,6 @@
 // Many copies of one tree, each with the level for its own distance.
 import * as THREE from "three";
-import { NEVER, viewFactor } from "./laws.js";
+import { NEVER, staggerAt, viewFactor } from "./laws.js";
 import { Level } from "./levels.js";
 import { fieldOfView, forPicture, SETTINGS, wantedLevel } from "./settings.js";
 import { FRACTIONAL } from "./shares.js";
@@ -71,7 +71,7 @@ export class Forest extends THREE.Group {
     camera.updateMatrixWorld();
     const eye = new THREE.Vector3().setFromMatrixPosition(camera.matrixWorld);
     const factor = viewFactor(fieldOfView(camera), settings);
-    const distances = this.#distances(this.worldToLocal(eye.clone()), factor);
+    const distances = this.#distances(this.worldToLocal(eye.clone()), factor, settings.stagger);
     const shown = this.culling ? this.#inView(camera) : this.#places.map(() => true);
     const wanted = wantedLevel(settings, this.#layers.length);
     this.#layers.forEach((layer, number) => {
@@ -105,8 +105,16 @@ export class Forest extends THREE.Group {
   }
 
   /** Distances of the trees from an eye, in the file's units. */
-  #distances(eye, factor) {
-    return this.#spheres.map(({ center, radius }) => (center.distanceTo(eye) * this.radius) / (radius * factor));
+  #distances(eye, factor, stagger) {
+    const [{ offset }] = this.#layers[0].meshes;
+    const own = new THREE.Matrix4();
+    const staggered = (i) => {
+      own.multiplyMatrices(this.#places[i], offset).premultiply(this.matrixWorld);
+      return staggerAt(own.elements.slice(12, 15), stagger);
+    };
+    return this.#spheres.map(
+      ({ center, radius }, i) => (center.distanceTo(eye) * this.radius) / (radius * factor * staggered(i)),
+    );
   }
 
   #inView(camera) {
@@ -148,6 +156,7 @@ export class Forest extends THREE.Group {
     const { uniforms } = level;
     uniforms.lcViewer.value.copy(eye);
     uniforms.lcUnit.value = factor / level.scale;
+    uniforms.lcStagger.value = settings.stagger;
     uniforms.lcFadeAt.value.fromArray(range);
     // The nearest tree decides how many leaves are drawn at all; those of farther trees shrink to points.
     level.move(nearest, level, level.keepLaw(settings), settings);

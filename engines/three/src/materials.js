@@ -17,6 +17,7 @@ uniform vec2 lcFade; // appeared, gone
 uniform vec3 lcViewer; // in the world
 uniform vec3 lcCentre; // of the leaves, in the level's coordinates
 uniform float lcUnit; // the file's unit of distance in the level's coordinates, for the view
+uniform float lcStagger;
 uniform vec4 lcFadeAt; // distances: appears from, to; goes from, to
 #endif
 flat out vec2 lcFades;
@@ -26,7 +27,8 @@ out vec3 lcRest; // the place on the leaf at rest
 float lcDistance() {
 #ifdef USE_INSTANCING
     mat4 place = modelMatrix * instanceMatrix;
-    return distance(lcViewer, (place * vec4(lcCentre, 1.0)).xyz) / (length(place[0].xyz) * lcUnit);
+    float unit = length(place[0].xyz) * lcUnit * lc_stagger(place[3].xyz, lcStagger);
+    return distance(lcViewer, (place * vec4(lcCentre, 1.0)).xyz) / unit;
 #else
     return lcTransitionAt.x;
 #endif

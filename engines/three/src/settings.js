@@ -12,6 +12,8 @@
  * pruneHalf: h of that law. Used if pruneStart is a number.
  * fade: fade length of a level that no level morphs to, as a fraction of its switch distance.
  * fadeBehindMorph: the same after a morph, for the remaining changes of lighting and alpha edges.
+ * stagger: share of a distance by which the trees' switches are spread around it, by their places in the world, so that
+ *   neighbors do not switch together. 0: none.
  * hysteresis: without a fade, the fraction of the distance by which a level stays longer when the camera returns, so
  *   that levels do not flicker. A forest has none.
  * wind: strength of the wind, like that of Blender's force fields; 0: no motion. null: the file's number. Files without
@@ -28,8 +30,9 @@ export const SETTINGS = {
   pixels: null,
   pruneStart: null,
   pruneHalf: 0.5,
-  fade: 0.25,
-  fadeBehindMorph: 0.1,
+  fade: 0.1,
+  fadeBehindMorph: 0.05,
+  stagger: 0.1,
   hysteresis: 0.02,
   shadows: null,
   contrast: true,

@@ -1,6 +1,6 @@
 // One tree with levels of detail.
 import * as THREE from "three";
-import { keepAt, transitionAt, viewFactor } from "./laws.js";
+import { keepAt, staggerAt, transitionAt, viewFactor } from "./laws.js";
 import { chainsIn, Level, objectsOf, sourcesOf } from "./levels.js";
 import { loadFile } from "./loading.js";
 import { placesOf } from "./places.js";
@@ -90,7 +90,9 @@ export class Tree extends THREE.Group {
     const settings = forPicture(this.settings, this.#source.renderer);
     const eye = camera.getWorldPosition(new THREE.Vector3());
     this.distance = this.worldToLocal(eye.clone()).distanceTo(this.centre);
-    this.#seenFrom = this.distance / viewFactor(fieldOfView(camera), settings);
+    const place = this.levels[0].object.getWorldPosition(new THREE.Vector3());
+    const factor = viewFactor(fieldOfView(camera), settings) * staggerAt(place.toArray(), settings.stagger);
+    this.#seenFrom = this.distance / factor;
     this.level = wantedLevel(settings, this.levels.length) ?? this.#levelAt(this.#seenFrom);
     const share = this.#shareOfNext();
     this.levels.forEach((level, number) => {

@@ -19,6 +19,7 @@ export function newUniforms({ pruning, wind, centre }) {
     lcViewer: { value: new THREE.Vector3() },
     lcCentre: { value: centre.clone() },
     lcUnit: { value: 1 },
+    lcStagger: { value: 0 },
     lcShadows: { value: 0 },
     lcFadeAt: { value: new THREE.Vector4(-1, 0, NEVER, 2 * NEVER) },
   };

@@ -24,6 +24,13 @@ const Levels := preload("leafcloud_tree.gd")
 ## Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
 @export_range(0.1, 10.0, 0.01, "or_greater") var lod_distance := 1.0
 
+## The share of a distance by which the trees' switches are spread around it, by their places, so that neighbors do not
+## switch together. 0: none.
+@export_range(0.0, 0.5, 0.01) var stagger := 0.1:
+	set(value):
+		stagger = value
+		_factor = 0.0
+
 ## The camera may move by this share of the shortest hand-over distance before trees are sorted again.
 const PATIENCE := 0.02
 
@@ -121,16 +128,18 @@ func _sort(eye: Vector3, factor: float, patience: float) -> void:
 		var range_in: float = numbers["fade_in"].x
 		var range_out: float = numbers["fade_out"].y
 		var centre: Vector3 = level["centre"]
+		var offset: Transform3D = level["offset"]
 		var chosen: Array[Transform3D] = []
 		for place in places:
 			var distance := (place * centre).distance_to(eye)
-			var scale := place.basis.x.length() * factor
+			var origin := global_transform * (place * offset.origin)
+			var scale := place.basis.x.length() * factor * Levels.stagger_at(origin, stagger)
 			if distance >= range_in * scale - patience and distance < range_out * scale + patience:
 				chosen.append(place)
 		var drawing: MultiMeshInstance3D = level["drawing"]
 		drawing.multimesh.visible_instance_count = chosen.size()
 		drawing.visible = not chosen.is_empty()
 		drawing.set_instance_shader_parameter("lod_factor", factor)
-		var offset: Transform3D = level["offset"]
+		drawing.set_instance_shader_parameter("lod_stagger", stagger)
 		for slot in chosen.size():
 			drawing.multimesh.set_instance_transform(slot, chosen[slot] * offset)

@@ -21,8 +21,16 @@ const MOST_DETAIL := 128.0
 		lod_distance = value
 		_measured = 0.0
 
+## The share of a distance by which the trees' switches are spread around it, by their places, so that neighbors do not
+## switch together. 0: none.
+@export_range(0.0, 0.5, 0.01) var stagger := 0.1:
+	set(value):
+		stagger = value
+		_measured = 0.0
+
 ## The factor on the file's distances that the ranges were set for; 0: none yet.
 var _measured := 0.0
+var _measured_at := Vector3.INF
 
 
 ## Reads a GLB file while the game runs, from any folder. Null, with an error in the log, if it cannot be read or has no
@@ -110,10 +118,17 @@ static func view_factor(viewport: Viewport) -> float:
 	return size.y * viewport.scaling_3d_scale / FILE_VIEW.y * tan(0.5 * FILE_VIEW.x) / tangent
 
 
+## lc_stagger of leafcloud.gdshaderinc.
+static func stagger_at(place: Vector3, amount: float) -> float:
+	var turns := place.dot(Vector3(0.7549, 0.4387, 0.5698)) - 0.25
+	return 1.0 + amount * (4.0 * absf(turns - floorf(turns) - 0.5) - 1.0)
+
+
 func _process(_delta: float) -> void:
 	var factor := lod_distance * view_factor(view_of(self)) * global_basis.x.length()
-	if absf(factor - _measured) > 0.001 * factor:
+	if absf(factor - _measured) > 0.001 * factor or global_position != _measured_at:
 		_measured = factor
+		_measured_at = global_position
 		_set_ranges(factor)
 
 
@@ -122,11 +137,13 @@ func _set_ranges(factor: float) -> void:
 		var box := common_box(levels)
 		for part in parts_of(levels):
 			var level := numbers_of(part)
+			var own := factor * stagger_at(part.global_position, stagger)
 			# Godot measures from the middle of the box, so all levels have the same one.
 			part.custom_aabb = box
-			part.visibility_range_begin = level["fade_in"].x * factor
-			part.visibility_range_end = level["fade_out"].y * factor if level["fade_out"].y < INF else 0.0
+			part.visibility_range_begin = level["fade_in"].x * own
+			part.visibility_range_end = level["fade_out"].y * own if level["fade_out"].y < INF else 0.0
 			part.set_instance_shader_parameter("lod_factor", factor / global_basis.x.length())
+			part.set_instance_shader_parameter("lod_stagger", stagger)
 
 
 ## The smallest box around the center of the leaves that holds all levels, in the coordinates of the levels.

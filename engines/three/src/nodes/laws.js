@@ -27,7 +27,7 @@ import {
   vec2,
   vec3,
 } from "three/tsl";
-import { PLACE_TURNS } from "../laws.js";
+import { PLACE_TURNS, STAGGER_TURNS } from "../laws.js";
 
 /** Entries of the table of areas. */
 export const SHARES = 65;
@@ -39,6 +39,11 @@ const EDGE = 0.1;
 
 export function transitionOf(distance, start, end) {
   return clamp(distance.sub(start).div(max(end.sub(start), TINY)), 0, 1);
+}
+
+export function staggerOf(place, amount) {
+  const turns = fract(dot(place, vec3(...STAGGER_TURNS)).sub(0.25));
+  return abs(turns.sub(0.5)).mul(4).sub(1).mul(amount).add(1);
 }
 
 export function keepOf(distance, start, half) {

@@ -22,7 +22,7 @@ import {
   vec2,
   vec4,
 } from "three/tsl";
-import { isShown, keepOf, SHARES, transitionOf } from "./laws.js";
+import { isShown, keepOf, SHARES, staggerOf, transitionOf } from "./laws.js";
 
 const FIRST = {
   float: () => 0,
@@ -42,6 +42,7 @@ const fade = numberOf("vec2", (laws) => laws.lcFade.value);
 const viewer = numberOf("vec3", (laws) => laws.lcViewer.value);
 const centre = numberOf("vec3", (laws) => laws.lcCentre.value);
 const unit = numberOf("float", (laws) => laws.lcUnit.value);
+const stagger = numberOf("float", (laws) => laws.lcStagger.value);
 const fadeAt = numberOf("vec4", (laws) => laws.lcFadeAt.value);
 export const shares = uniformArray(new Array(SHARES).fill(0), "float").onObjectUpdate(({ object }, node) => {
   node.array = object.material.laws.lcShares.value;
@@ -100,7 +101,10 @@ export function placed(pointOf) {
 /** The distance by which the laws decide, in the file's units: of a single tree from the processor. */
 export const distanceSeen = copied(
   "float",
-  () => distance(viewer, toWorld.mul(vec4(centre, 1)).xyz).div(length(toWorld.element(0).xyz).mul(unit)),
+  () =>
+    distance(viewer, toWorld.mul(vec4(centre, 1)).xyz)
+      .div(length(toWorld.element(0).xyz).mul(unit))
+      .div(staggerOf(toWorld.element(3).xyz, stagger)),
   () => transitionAt.x,
 );
 
