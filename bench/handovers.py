@@ -40,9 +40,9 @@ DOCUMENT = ROOT / "docs" / "bench" / "handovers.md"
 BAKED = ROOT / "target" / "handovers"
 SMALLEST = 12.0
 """Crown in pixels below which levels are not compared."""
-SAMPLED, MOST_SAMPLES = 1100, 8
+SAMPLED, MOST_SAMPLES = 2600, 8
 """Side of pictures in samples, at most; most samples along a pixel's side."""
-VIEWS = 6
+VIEWS = 4
 MARGIN = 1.025
 """Side of a picture, divided by the diameter of the leaves' sphere."""
 CONTRAST, COLOR, SMALL, CELLS_FROM = (0.75, 1.15), 0.01, 40.0, 64.0

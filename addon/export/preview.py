@@ -23,18 +23,14 @@ from .canvas import Block, Box, Picture
 
 LARGEST, SMALLEST = 480, 8
 """Range of the size of a picture in pixels, before it is framed. Labels name swap sizes outside the range."""
-WIDEST = 408
-"""Maximum side of an enlarged picture."""
-ENLARGED = 4
-"""Minimum enlargement at which details are shown."""
+WIDEST = 360
+"""Maximum side of an enlarged picture, and of one at twice the swap size."""
 GAP = 12
 MARGIN = 16
 TITLE, NAME, FIGURES, LABEL = 26, 20, 14, 12
 """Sizes of text in pixels."""
 NARROWEST = 560
 """Minimum width of a line of figures."""
-NARROWEST_DETAIL = 24
-"""Minimum width of the enlarged details, in pixels of the pictures that they enlarge."""
 VIEW_SAMPLES = 2
 """Samples along each side of a pixel of the views."""
 FRAMES_LEFT = 0.96
@@ -188,9 +184,11 @@ def preview_image(trees: Sequence[TreeFigures]) -> Block:
 
 
 def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) -> Block:
-    """Return the leaves, the level and their difference at swap size and enlarged. `pixels`: diameter of the sphere."""
+    """Return the leaves, the level and their difference at swap size, and both at twice that. `pixels`: diameter of the
+    sphere.
+    """
     size = float(np.clip(pixels, SMALLEST, LARGEST))
-    pair = [sphere.picture(subject, size) for subject in (leaves, level)]
+    pair, twice = ([sphere.picture(subject, times * size) for subject in (leaves, level)] for times in (1.0, 2.0))
     box = canvas.silhouette(pair)
     errors = canvas.cropped(leafcloud.flip_map(*pair), box)
     colors = [canvas.over(canvas.cropped(picture, box)) for picture in pair]
@@ -203,14 +201,14 @@ def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) 
         small = [_labelled(name, color) for name, color in zip(names, colors, strict=False)]
         columns.append(_column(own_size.capitalize(), small))
     labels = [f"{name}, {own_size}" if times == 1 else f"{name} × {times}" for name in names]
-    if times >= ENLARGED:
-        return canvas.beside([*columns, *_triple(labels, colors, errors, times, None)], GAP)
-    room = (round(3 * WIDEST * min(1.25 * width / height, 1.0)) - 3 * width * times - 2 * GAP) // (2 * ENLARGED)
-    window = worst_window(errors, (max(height * times // ENLARGED, 1), max(room, NARROWEST_DETAIL)))
-    columns += _triple(labels, colors, errors, times, window)
-    for name, color in zip(names, colors, strict=False):
-        detail = canvas.enlarged(canvas.cropped(color, window), ENLARGED)
-        columns.append(_column(f"{name}, frame × {ENLARGED}", [detail]))
+    window = worst_window(errors, (max(height * times, 2) // 2, WIDEST // 2))
+    is_whole = window == (0, height, 0, width)
+    columns += _triple(labels, colors, errors, times, None if is_whole else window)
+    starts = (box[0], box[0], box[2], box[2])
+    top, bottom, left, right = (2 * (edge + start) for edge, start in zip(window, starts, strict=True))
+    for name, picture in zip(names, twice, strict=False):
+        near = canvas.over(canvas.cropped(picture, (top, bottom, left, right)))
+        columns.append(_column(f"{name}, twice the size" if is_whole else f"{name}, frame at twice the size", [near]))
     return canvas.beside(columns, GAP)
 
 
