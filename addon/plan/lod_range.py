@@ -12,7 +12,7 @@ import leafcloud
 START_SHARE = 0.5
 """The leaves start to morph at this fraction of the distance where the morph ends: nearer, single leaves are seen."""
 
-FADE, FADE_BEHIND_MORPH = 0.1, 0.05
+FADE, FADE_BEHIND_MORPH = 0.15, 0.08
 """Two levels cross-fade over this fraction of the distance at which the next one appears. After a morph only light and
 the edges of alpha are left to fade. Both levels are drawn there, so a fade is short."""
 

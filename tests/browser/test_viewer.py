@@ -162,13 +162,13 @@ class Tree:
         no distance is λ equal to the rank of a leaf.
         """
         first, second, third = self.vanish
-        near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999, 1.015)]
+        near = [(0, share * first) for share in (0.3, 0.45, 0.71, 0.9, 0.999, 1.024)]
         middle = [
-            (1, 1.051 * first),
+            (1, 1.081 * first),
             *((1, first + share * (second - first)) for share in (0.5, 0.75)),
-            *((1, share * second) for share in (0.999, 1.03)),
+            *((1, share * second) for share in (0.999, 1.048)),
         ]
-        far = [(2, 1.051 * second), (2, 1.04 * third), (3, 1.101 * third), (3, 2.0 * third)]
+        far = [(2, 1.081 * second), (2, 1.06 * third), (3, 1.151 * third), (3, 2.0 * third)]
         count = len(near + middle + far)
         angles = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
         directions = np.stack([np.cos(angles), np.linspace(-0.3, 0.8, count), np.sin(angles)], -1)

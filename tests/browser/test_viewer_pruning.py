@@ -21,7 +21,7 @@ from addon.plan.pruning import CUT_OFF
 
 SHARES = (0.7, 1.0, 1.7, 5.3, 22.0, 71.0)
 """Distances in units of d₀. They keep 1, 1, 0.59, 0.19, 0.05 and 0.01 of the leaves; half is kept at 2 d₀."""
-FADE, GONE = 1.04, 1.101
+FADE, GONE = 1.06, 1.151
 """Distances during and after the fade, in units of the distance where the cross impostor starts to fade in."""
 
 

@@ -111,7 +111,7 @@ def triangles(level: Node) -> int:
 
 def fade_behind(morphs: bool) -> float:
     """Return the length of the fade behind a level, as a fraction of the distance where it starts."""
-    return 0.05 if morphs else 0.1
+    return 0.08 if morphs else 0.15
 
 
 def drawn_levels(distance: float, ends: Sequence[float], morphs: Sequence[bool]) -> list[int]:

@@ -178,19 +178,19 @@ def test_an_unknown_effect_raises() -> None:
 
 
 def test_a_level_hands_over_shortly_before_its_transition_ends() -> None:
-    """Level 1 appears at a = 0.998. Its fade-in ends 2.5 % farther away. The leaves vanish 5 % farther away."""
+    """Level 1 appears at a = 0.998. Its fade-in ends 4 % farther away. The leaves vanish 8 % farther away."""
     leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     assert (leaves.appear, leaves.start, leaves.end, leaves.fade_in_end) == (0.0, 5.0, 10.0, 0.0)
     assert (first.appear, first.start, first.end) == (pytest.approx(9.99), leaves.vanish, 40.0)
-    assert leaves.fade_out_start == first.fade_in_end == pytest.approx(1.025 * 9.99)
-    assert leaves.vanish == pytest.approx(1.05 * 9.99)
+    assert leaves.fade_out_start == first.fade_in_end == pytest.approx(1.04 * 9.99)
+    assert leaves.vanish == pytest.approx(1.08 * 9.99)
 
 
 def test_the_cross_impostor_fades_in_before_the_last_cloud_fades_out() -> None:
     *_, second, cross = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     assert (second.start, second.end) == (math.inf, math.inf)
-    assert (second.fade_out_start, second.vanish) == (pytest.approx(105.0), pytest.approx(110.0))
-    assert cross == LodRange(100.0, math.inf, math.inf, math.inf, pytest.approx(105.0), fade_out_start=math.inf)
+    assert (second.fade_out_start, second.vanish) == (pytest.approx(107.5), pytest.approx(115.0))
+    assert cross == LodRange(100.0, math.inf, math.inf, math.inf, pytest.approx(107.5), fade_out_start=math.inf)
     assert [second.fades, cross.fades] == [True, True]
 
 
@@ -200,7 +200,7 @@ def test_a_trunk_switches_at_the_start_of_a_fade_and_fades_into_the_cross_impost
     assert [leaves.fades, first.fades, second.fades] == [False, False, True]
     assert (leaves.vanish, first.appear) == (ranges[1].appear, ranges[1].appear)
     assert (first.vanish, second.appear, second.fade_in_end) == (ranges[2].appear,) * 3
-    assert (second.fade_out_start, second.vanish) == (pytest.approx(105.0), pytest.approx(110.0))
+    assert (second.fade_out_start, second.vanish) == (pytest.approx(107.5), pytest.approx(115.0))
 
 
 def test_simplified_leaves_take_over_without_a_fade() -> None:
@@ -216,7 +216,7 @@ def test_few_trees_of_a_plantation_are_drawn_twice() -> None:
     """Trees on a plane between two distances are as many as the difference of their squares."""
     ranges = lod_ranges((0.0, 4.0, 8.0, 16.0, 30.0), (FADE, HandOverKind.MORPH, BOTH, BOTH, BOTH), transitions=True)
     twice = sum(each.vanish**2 - then.appear**2 for each, then in pairwise(ranges))
-    assert 0.0 < twice / 50.0**2 < 0.06
+    assert 0.0 < twice / 50.0**2 < 0.1
 
 
 def test_without_transitions_levels_switch_at_once() -> None:

@@ -6,8 +6,8 @@ use std::ops::Range;
 const HAND_OVER: f32 = 0.998;
 
 /// Length of a cross-fade after a morph, and without one, as a fraction of the distance where it starts.
-const FADE_AFTER_MORPH: f32 = 0.05;
-const FADE_WITHOUT_MORPH: f32 = 0.1;
+const FADE_AFTER_MORPH: f32 = 0.08;
+const FADE_WITHOUT_MORPH: f32 = 0.15;
 
 /// The share of a distance by which the trees' switches are spread around it.
 pub const STAGGER: f32 = 0.1;
