@@ -50,7 +50,7 @@ impl Tree<'_> {
     ) -> Result<Settled> {
         let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
         let (mut twigs_before, mut with_twigs) = (0, None);
-        for (number, level) in chosen.chain.levels.iter().filter(|level| !level.is_cross()).enumerate() {
+        for (number, level) in clouds(&chosen.chain).enumerate() {
             let usual = if number == 0 { wishes.largest_crown() } else { LATER_CROWN };
             let most = wishes.crown(number).unwrap_or(usual);
             let twigs = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
@@ -72,56 +72,64 @@ impl Tree<'_> {
     /// Chooses among levels that may take over at `chosen.takes_over` at most.
     fn settled(&self, chosen: Chosen, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Settled> {
         let scenes = Scenes::to(wishes.scene)?;
-        let price = |level: &Foliage, trunk: Option<&Foliage>| self.priced(level, trunk, &scenes.priced);
-        let trunk = wood(self.trunk, &some(&self.thin, self.thin.len().div_ceil(2)))?;
-        let leaves = price(self.foliage, trunk.as_ref())?;
-        let simplified = chosen.leaf_levels.first().map(Arc::clone);
-        let of_simplified =
-            simplified.as_ref().map(|level| price(&level.leaves.foliage, trunk.as_ref())).transpose()?;
-        let clouds: Vec<&Level> = chosen.chain.levels.iter().filter(|level| !level.is_cross()).collect();
-        let of_cloud = |(number, level): (usize, &&Level)| {
-            let shown = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
-            price(&drawn(level, wishes)?, self.left_of(shown, level.atlas.triangles())?.as_ref())
+        let costs = self.costs(&chosen, wishes, &scenes.priced)?;
+        let fewer = if may_have_fewer(&chosen, &costs, wishes) {
+            self.fewer(&chosen, &costs, wishes, yardstick, &scenes.priced, progress)?
+        } else {
+            &[]
         };
-        let of_clouds = clouds.iter().enumerate().map(of_cloud).collect::<Result<Vec<_>>>()?;
-        let first = chosen.takes_over.get(chosen.leaf_levels.len());
-        // Half of the leaves cost no less than this.
-        let is_cheap = |(first, cloud): (&Passed, &Prices)| {
-            first.crown >= wishes.largest_crown() && cloud.is_half_of(&leaves, first.crown)
-        };
-        // A time or an error is a wish for clouds.
-        let may_have_fewer = chosen.offer.is_none() && !first.zip(of_clouds.first()).is_some_and(is_cheap);
-        if may_have_fewer && self.fewer.get().is_none() {
-            let whole = Whole { leaves: self.foliage, simplified: simplified.as_deref() };
-            let found = whole.fewer(wishes, yardstick, self.settings, progress)?.into_iter();
-            let priced = |level: LeafLevel| price(&level.leaves.foliage, trunk.as_ref()).map(|prices| (level, prices));
-            let priced = found.map(priced).collect::<Result<Vec<_>>>()?;
-            self.fewer.get_or_init(|| priced);
-        }
-        let fewer = self.fewer.get().filter(|_| may_have_fewer).map_or(&[][..], Vec::as_slice);
-
-        let largest =
-            |passed: &Passed, prices| Candidate { largest: passed.crown, passes: passed.passes, wished: None, prices };
-        let cloud = |(number, (passed, prices))| Candidate { wished: wishes.crown(number), ..largest(passed, prices) };
-        let of_levels = chosen.takes_over[chosen.leaf_levels.len()..].iter().zip(&of_clouds);
-        let mut levels = Levels {
-            leaves: &leaves,
-            simplified: simplified.as_ref().zip(of_simplified.as_ref()).map(|(own, cost)| largest(&own.passed, cost)),
-            fewer: fewer.iter().map(|(level, prices)| largest(&level.passed, prices)).collect(),
-            clouds: of_levels.enumerate().map(cloud).collect(),
-        };
-        let room = MOST_LEVELS.saturating_sub(usize::from(simplified.is_some()) + usize::from(self.settings.cross));
+        let mut levels = costs.levels(&chosen, fewer, wishes);
+        let (leaf_levels, count) = (usize::from(levels.simplified.is_some()), levels.clouds.len());
+        let room = MOST_LEVELS.saturating_sub(leaf_levels + usize::from(self.settings.cross));
         let has_cross = chosen.chain.levels.last().is_some_and(Level::is_cross);
-        let may_go = !fewer.is_empty() && has_cross && first.is_some_and(|first| !first.passes);
+        let may_go = !fewer.is_empty() && has_cross && levels.clouds.first().is_some_and(|first| !first.passes);
         let is_wished = self.settings.every_level || !wishes.sizes.is_empty();
-        let walk = scenes.best(&levels, room, if is_wished { clouds.len() } else { usize::from(!may_go) });
+        let walk = scenes.best(&levels, room, if is_wished { count } else { usize::from(!may_go) });
         let mut without_first = f64::INFINITY;
-        if levels.clouds.len() > 1 {
+        if count > 1 {
             levels.clouds.remove(0);
             without_first = scenes.best(&levels, room, 1).cost;
         }
         let fewer = fewer.iter().map(|(level, _)| level.clone()).collect();
         Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first })
+    }
+
+    /// Returns what the levels of a chain cost to draw.
+    fn costs(&self, chosen: &Chosen, wishes: &Wishes, scene: &Scene) -> Result<Costs> {
+        let trunk = wood(self.trunk, &some(&self.thin, self.thin.len().div_ceil(2)))?;
+        let beside = |leaves: &Foliage| self.priced(leaves, trunk.as_ref(), scene);
+        let of_cloud = |(number, level): (usize, &Level)| {
+            let shown = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
+            self.priced(&drawn(level, wishes)?, self.left_of(shown, level.atlas.triangles())?.as_ref(), scene)
+        };
+        Ok(Costs {
+            leaves: beside(self.foliage)?,
+            simplified: chosen.leaf_levels.first().map(|level| beside(&level.leaves.foliage)).transpose()?,
+            clouds: clouds(&chosen.chain).enumerate().map(of_cloud).collect::<Result<_>>()?,
+            trunk,
+        })
+    }
+
+    /// Returns levels of fewer leaves with their prices. They are the same for all clouds that are tried, so they are made once.
+    fn fewer(
+        &self,
+        chosen: &Chosen,
+        costs: &Costs,
+        wishes: &Wishes,
+        yardstick: &Yardstick,
+        scene: &Scene,
+        progress: Progress,
+    ) -> Result<&[(LeafLevel, Prices)]> {
+        if let Some(known) = self.fewer.get() {
+            return Ok(known);
+        }
+        let whole = Whole { leaves: self.foliage, simplified: chosen.leaf_levels.first().map(Arc::as_ref) };
+        let priced = |level: LeafLevel| {
+            self.priced(&level.leaves.foliage, costs.trunk.as_ref(), scene).map(|prices| (level, prices))
+        };
+        let found = whole.fewer(wishes, yardstick, self.settings, progress)?.into_iter().map(priced);
+        let found = found.collect::<Result<Vec<_>>>()?;
+        Ok(self.fewer.get_or_init(|| found))
     }
 
     /// Returns the thin branches that are left to the trunk of a cloud with this number of triangles. `shown`: those that the cloud shows.
@@ -147,6 +155,46 @@ impl Tree<'_> {
         };
         Yardstick::new(foliage, Some(&twigs), settings.up, settings.is_lit(), largest).map(Some)
     }
+}
+
+/// What the levels of a tree cost to draw.
+struct Costs {
+    /// The part of the trunk that is drawn beside leaves.
+    trunk: Option<Foliage>,
+    leaves: Prices,
+    simplified: Option<Prices>,
+    clouds: Vec<Prices>,
+}
+
+impl Costs {
+    /// Returns the levels that may be drawn.
+    fn levels<'a>(&'a self, chosen: &Chosen, fewer: &'a [(LeafLevel, Prices)], wishes: &Wishes) -> Levels<'a> {
+        let largest =
+            |passed: &Passed, prices| Candidate { largest: passed.crown, passes: passed.passes, wished: None, prices };
+        let cloud = |(number, (passed, prices))| Candidate { wished: wishes.crown(number), ..largest(passed, prices) };
+        let simplified = chosen.leaf_levels.first().zip(self.simplified.as_ref());
+        let of_clouds = chosen.takes_over[chosen.leaf_levels.len()..].iter().zip(&self.clouds);
+        Levels {
+            leaves: &self.leaves,
+            simplified: simplified.map(|(level, prices)| largest(&level.passed, prices)),
+            fewer: fewer.iter().map(|(level, prices)| largest(&level.passed, prices)).collect(),
+            clouds: of_clouds.enumerate().map(cloud).collect(),
+        }
+    }
+}
+
+/// Returns whether levels of fewer leaves may be cheaper than the clouds. A time or an error is a wish for clouds.
+fn may_have_fewer(chosen: &Chosen, costs: &Costs, wishes: &Wishes) -> bool {
+    let first = chosen.takes_over.get(chosen.leaf_levels.len()).zip(costs.clouds.first());
+    // Half of the leaves cost no less than this.
+    let is_cheap = |(first, cloud): (&Passed, &Prices)| {
+        first.crown >= wishes.largest_crown() && cloud.is_half_of(&costs.leaves, first.crown)
+    };
+    chosen.offer.is_none() && !first.is_some_and(is_cheap)
+}
+
+fn clouds(chain: &Chain) -> impl Iterator<Item = &Level> {
+    chain.levels.iter().filter(|level| !level.is_cross())
 }
 
 /// Returns the chain with the levels of a walk.
@@ -184,7 +232,7 @@ fn without_failing(chosen: Chosen, every_level: bool) -> Chosen {
     let Chosen { chain, mut takes_over, mut twigs, .. } = chosen;
     let mut chain = Arc::unwrap_or_clone(chain);
     while !every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
-        let clouds = chain.levels.iter().filter(|level| !level.is_cross()).count();
+        let clouds = clouds(&chain).count();
         if clouds == 0 || chain.levels.len() == 1 {
             break;
         }
