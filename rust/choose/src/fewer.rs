@@ -4,7 +4,7 @@
 //! ([`leafcloud::prune::clusters`], after Cook, Halstead, Planck, Ryu, "Stochastic Simplification of Aggregate Detail", 2007). These leaves have
 //! the textures of the tree's own, so they cost no memory, and they draw no empty pixels between leaves, as the clouds of sparse crowns do.
 //!
-//! O(halvings · pictures). Known limit: single leaves show in the outline, so crowns of few broad leaves pass late.
+//! Levels are three quarters of the leaves, a half, a quarter and so on. O(halvings · pictures). Known limit: single leaves show in the outline, so crowns of few broad leaves pass late.
 
 use std::time::Instant;
 
@@ -13,7 +13,7 @@ use leafcloud::error::Result;
 use leafcloud::foliage::Opacity;
 use leafcloud::lod::{ChainSettings, prune_trends, report_pictures};
 use leafcloud::metrics::visibility;
-use leafcloud::prune::{Cluster, Kept, clusters};
+use leafcloud::prune::{Cluster, Clusters, Kept, clusters};
 use leafcloud::transition::leaf_pivots;
 use leafcloud::{Foliage, Progress};
 use leafcloud_simplify::SimplifiedLeaves;
@@ -33,7 +33,7 @@ const FEWEST: usize = 200;
 const MOST_WIDER: f64 = 4.0;
 
 /// Largest share of the triangles that such a level may have.
-const MOST_KEPT: f64 = 0.75;
+const MOST_KEPT: f64 = 0.8;
 
 /// Returns levels that were made from all leaves as they are drawn: corners move from the places that they have in the level before.
 #[must_use]
@@ -72,7 +72,7 @@ impl Whole<'_> {
         progress: Progress,
     ) -> Result<Vec<LeafLevel>> {
         let (mut levels, base) = (Vec::new(), self.base());
-        let mut most = self.simplified.map_or(wishes.largest_crown(), |level| level.passed.crown / LEAST_STEP);
+        let most = self.simplified.map_or(wishes.largest_crown(), |level| level.passed.crown / LEAST_STEP);
         let may_be_leaves =
             wishes.free && wishes.form != Form::Billboards && settings.pruning.is_none() && wishes.sizes.is_empty();
         if !may_be_leaves || base.leaf_count() < FEWEST {
@@ -80,37 +80,58 @@ impl Whole<'_> {
         }
         let samples = visibility(base, &Opacity::of(base), settings.up, VIEWS, progress)?;
         let seen: Vec<f64> = samples.iter().map(|leaf| leaf.seen).collect();
-        for standing in clusters(base, &seen) {
-            let started = Instant::now();
-            let mut standing = Standing::of(base, standing);
-            // Protected leaves stay.
-            if (standing.kept.triangles.len() as f64) > MOST_KEPT * base.triangle_count() as f64 {
+        let Clusters { three_quarters, halved } = clusters(base, &seen);
+        let judged = |set: Vec<Cluster>, most: f64| self.judged(set, wishes, yardstick, settings, most, progress);
+        for set in halved {
+            let Some(level) = judged(set, levels.last().map_or(most, |last: &LeafLevel| last.passed.crown))? else {
                 break;
-            }
-            let growth = prune_trends::growth_of(base, settings.up, progress, |growth| standing.foliage(base, growth))?;
-            standing.grow(growth);
-            let foliage = standing.foliage(base, 1.0)?;
-            most = most.min(2.0 * MOST_WIDER / standing.widening(base));
-            let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
-            if !passed.passes || passed.crown < UNJUDGED {
-                break;
-            }
-            most = passed.crown;
-            let pictures = report_pictures(self.leaves, &foliage, settings)?;
-            let (leaves, pivot_targets) = self.moved(foliage, &standing);
-            let pivots = standing.kept.triangles.iter().map(|&t| pivot_targets[t as usize]).collect();
-            let seconds = started.elapsed().as_secs_f64();
-            levels.push(LeafLevel {
-                leaves,
-                passed,
-                pictures,
-                seconds,
-                kept: Some(standing.kept),
-                pivots,
-                pivot_targets,
-            });
+            };
+            levels.push(level);
+        }
+        // Where a half does not pass as near as it may, three quarters may.
+        if levels.first().is_none_or(|half| half.passed.crown < most) {
+            levels.splice(0..0, judged(three_quarters, most)?);
         }
         Ok(levels)
+    }
+
+    /// Returns a level of leaves that stand for clusters, with the largest crown up to `most` at which it passes; `None` if it
+    /// passes nowhere or has too many triangles.
+    fn judged(
+        &self,
+        set: Vec<Cluster>,
+        wishes: &Wishes,
+        yardstick: &Yardstick,
+        settings: &ChainSettings,
+        most: f64,
+        progress: Progress,
+    ) -> Result<Option<LeafLevel>> {
+        let (started, base) = (Instant::now(), self.base());
+        let mut standing = Standing::of(base, set);
+        // Protected leaves stay.
+        if standing.kept.triangles.len() as f64 > MOST_KEPT * base.triangle_count() as f64 {
+            return Ok(None);
+        }
+        let growth = prune_trends::growth_of(base, settings.up, progress, |growth| standing.foliage(base, growth))?;
+        standing.grow(growth);
+        let foliage = standing.foliage(base, 1.0)?;
+        let most = most.min(2.0 * MOST_WIDER / standing.widening(base));
+        let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
+        eprintln!(
+            standing.kept.triangles.len(),
+            base.triangle_count(),
+            passed,
+            passed.judged.excess(1.0)
+        );
+        if !passed.passes || passed.crown < UNJUDGED {
+            return Ok(None);
+        }
+        let pictures = report_pictures(self.leaves, &foliage, settings)?;
+        let (leaves, pivot_targets) = self.moved(foliage, &standing);
+        let pivots = standing.kept.triangles.iter().map(|&t| pivot_targets[t as usize]).collect();
+        let seconds = started.elapsed().as_secs_f64();
+        let kept = Some(standing.kept);
+        Ok(Some(LeafLevel { leaves, passed, pictures, seconds, kept, pivots, pivot_targets }))
     }
 
     /// Returns the leaves with the places to which all corners and pivots move: onto the larger leaves, or, of leaves that are gone, into their pivots.

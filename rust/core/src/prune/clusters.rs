@@ -30,12 +30,21 @@ pub struct Cluster {
     pub growth: f64,
 }
 
-/// Returns a half, a quarter and so on of the leaves, each as the leaves that stand for the clusters. Those of a coarser set are part of those of the finer one.
+/// Sets of leaves that stand for clusters. Those of a coarser set are part of those of each finer one.
+#[derive(Clone, Debug, Default)]
+pub struct Clusters {
+    /// Three quarters of the leaves: of the clusters of the next set, those whose leaves are farthest apart are still single leaves.
+    pub three_quarters: Vec<Cluster>,
+    /// A half of the leaves, a quarter and so on.
+    pub halved: [Vec<Cluster>; HALVINGS],
+}
+
+/// Returns the leaves that stand for clusters.
 ///
 /// `seen`: a measure ≥ 0 of the visible part of each leaf. Protected leaves and leaves
 /// without neighbors stand for themselves, with a growth of 1.
 #[must_use]
-pub fn clusters(foliage: &Foliage, seen: &[f64]) -> [Vec<Cluster>; HALVINGS] {
+pub fn clusters(foliage: &Foliage, seen: &[f64]) -> Clusters {
     let (leaves, marked) = (foliage.leaves(), &foliage.attributes().protected);
     let is_free = |leaf: &usize| marked.is_empty() || !leaves.get(*leaf).iter().any(|&t| marked[t as usize]);
     let (mut free, protected): (Vec<usize>, Vec<usize>) = (0..leaves.len()).partition(is_free);
@@ -44,12 +53,27 @@ pub fn clusters(foliage: &Foliage, seen: &[f64]) -> [Vec<Cluster>; HALVINGS] {
     let weights = seen.iter().map(|leaf| leaf + unseen).collect();
     let cells = Cells { pivots: leaf_pivots(foliage), weights };
     let alone = |&leaf: &usize| Cluster { leaf, place: cells.pivots[leaf], growth: 1.0 };
-    let mut found: [Vec<Cluster>; HALVINGS] = std::array::from_fn(|_| protected.iter().map(alone).collect());
+    let mut halved: [Vec<Cluster>; HALVINGS] = std::array::from_fn(|_| protected.iter().map(alone).collect());
+    let mut three_quarters = halved[0].clone();
+    let mut pairs = Vec::new();
     let count = free.len() >> HALVINGS;
     cells.split(&mut free, count.max(1), &mut |cell| {
-        cells.join(cell, HALVINGS - 1, &mut found);
+        cells.join(cell, HALVINGS - 1, &mut halved);
+        cells.halve(cell, HALVINGS - 1, &mut |pair| pairs.push((cells.spread(pair), pair.to_vec())));
     });
-    found
+    // Stable: of equal pairs the first stay apart.
+    pairs.sort_by(|(a, _), (b, _)| b.total_cmp(a));
+    let mut room = (3 * free.len() / 4).saturating_sub(pairs.len());
+    for (_, pair) in &pairs {
+        if pair.len() > room + 1 {
+            room = 0;
+            three_quarters.push(cells.joined(pair, pair, 0));
+        } else {
+            room -= pair.len() - 1;
+            three_quarters.extend(pair.iter().map(alone));
+        }
+    }
+    Clusters { three_quarters, halved }
 }
 
 struct Cells {
@@ -89,6 +113,16 @@ impl Cells {
         leaves.split_at_mut(at.max(1))
     }
 
+    /// Cuts a cell `times` times in half, and calls `each` with the parts.
+    fn halve(&self, cell: &mut [usize], times: usize, each: &mut impl FnMut(&[usize])) {
+        if times == 0 || cell.len() < 2 {
+            return each(cell);
+        }
+        let (a, b) = self.cut(cell, 0.5);
+        self.halve(a, times - 1, each);
+        self.halve(b, times - 1, each);
+    }
+
     /// Adds the clusters of a cell to the sets up to `number`, one to the coarsest, and returns the leaf of that one.
     fn join(&self, cell: &mut [usize], number: usize, found: &mut [Vec<Cluster>; HALVINGS]) -> usize {
         let candidates = match number.checked_sub(1) {
@@ -99,13 +133,28 @@ impl Cells {
             Some(finer) => vec![self.join(cell, finer, found)],
             None => cell.to_vec(),
         };
-        let weight = self.weight(cell);
-        let place = cell.iter().map(|&leaf| self.weights[leaf] * self.pivots[leaf]).sum::<DVec3>() / weight;
+        let cluster = self.joined(cell, &candidates, number);
+        found[number].push(cluster);
+        cluster.leaf
+    }
+
+    /// Returns the cluster of a cell, which the nearest of the candidates stands for.
+    fn joined(&self, cell: &[usize], candidates: &[usize], number: usize) -> Cluster {
+        let (weight, place) = (self.weight(cell), self.middle(cell));
         let far = |leaf: usize| self.pivots[leaf].distance_squared(place);
-        let leaf = candidates.into_iter().reduce(|a, b| if far(b) < far(a) { b } else { a }).unwrap_or(cell[0]);
+        let leaf = candidates.iter().copied().reduce(|a, b| if far(b) < far(a) { b } else { a }).unwrap_or(cell[0]);
         let most = MOST * f64::from(2_u32 << number).sqrt();
-        found[number].push(Cluster { leaf, place, growth: (weight / self.weights[leaf]).sqrt().min(most) });
-        leaf
+        Cluster { leaf, place, growth: (weight / self.weights[leaf]).sqrt().min(most) }
+    }
+
+    fn middle(&self, cell: &[usize]) -> DVec3 {
+        cell.iter().map(|&leaf| self.weights[leaf] * self.pivots[leaf]).sum::<DVec3>() / self.weight(cell)
+    }
+
+    /// Returns the sum of the squared distances from the middle, by weight.
+    fn spread(&self, cell: &[usize]) -> f64 {
+        let middle = self.middle(cell);
+        cell.iter().map(|&leaf| self.weights[leaf] * self.pivots[leaf].distance_squared(middle)).sum()
     }
 
     fn weight(&self, leaves: &[usize]) -> f64 {
@@ -134,8 +183,12 @@ mod tests {
     #[test]
     fn equal_leaves_on_a_grid_are_halved_into_neighbors() {
         let foliage = grid(8, Vec::new());
-        let found = clusters(&foliage, &equally(&foliage));
+        let Clusters { three_quarters, halved: found } = clusters(&foliage, &equally(&foliage));
         let pivots = leaf_pivots(&foliage);
+        assert_eq!(three_quarters.len(), 384);
+        let half: Vec<usize> = found[0].iter().map(|cluster| cluster.leaf).collect();
+        assert!(half.iter().all(|&leaf| three_quarters.iter().any(|cluster| cluster.leaf == leaf)));
+        assert_eq!(three_quarters.iter().filter(|cluster| found[0].contains(cluster)).count(), 128);
         let step = pivots[0].distance(pivots[1]);
         for (number, set) in found.iter().enumerate() {
             let halved = 2_u32 << number;
@@ -157,10 +210,24 @@ mod tests {
     }
 
     #[test]
+    fn pairs_that_are_close_are_joined_first() {
+        // Two rows of pairs: in one, the leaves of a pair are half as far apart.
+        let pair = |i: usize| DVec3::new(4.0 * (i / 2) as f64, if i < 512 { 0.0 } else { 900.0 }, 0.0);
+        let apart = |i: usize| DVec3::X * (i % 2) as f64 * if i < 512 { 0.5 } else { 1.0 };
+        let arms = [DVec3::new(-0.1, -0.1, 0.0), DVec3::new(0.2, -0.1, 0.0), DVec3::new(-0.1, 0.2, 0.0)];
+        let positions: Vec<DVec3> = (0..1024).flat_map(|i| arms.map(|arm| pair(i) + apart(i) + arm)).collect();
+        let triangles = (0..1024).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let foliage = Foliage::new(&positions, triangles, Attributes::default(), vec![]).unwrap();
+        let joined = clusters(&foliage, &equally(&foliage)).three_quarters;
+        assert_eq!(joined.iter().filter(|cluster| cluster.leaf < 512).count(), 256);
+        assert!(joined.iter().all(|cluster| (cluster.growth > 1.0) == (cluster.leaf < 512)));
+    }
+
+    #[test]
     fn hidden_leaves_take_few_clusters() {
         let foliage = grid(8, Vec::new());
         let seen = |leaf| if leaf < 256 { 8.0 } else { 0.0 };
-        let [half, ..] = clusters(&foliage, &(0..512).map(seen).collect::<Vec<_>>());
+        let [half, ..] = clusters(&foliage, &(0..512).map(seen).collect::<Vec<_>>()).halved;
         let shown = half.iter().filter(|cluster| cluster.leaf < 256).count();
         assert!(half.len() > 240 && shown > 2 * half.len() / 3, "{shown} of {}", half.len());
     }
@@ -169,8 +236,8 @@ mod tests {
     fn few_protected_and_unseen_leaves_are_no_special_case() {
         let foliage = grid(2, (0..8).map(|leaf| leaf < 3).collect());
         for seen in [equally(&foliage), vec![0.0; 8]] {
-            let found = clusters(&foliage, &seen);
-            for set in &found {
+            let Clusters { three_quarters, halved: found } = clusters(&foliage, &seen);
+            for set in found.iter().chain([&three_quarters]) {
                 let grows = |leaf| set.iter().find(|cluster| cluster.leaf == leaf).map(|cluster| cluster.growth > 1.0);
                 assert!((0..3).all(|leaf| grows(leaf) == Some(false)), "{set:?}");
                 assert!(set.iter().all(|cluster| cluster.growth.is_finite()), "{set:?}");

@@ -8,7 +8,7 @@ mod order;
 mod pruned;
 mod trend;
 
-pub use clusters::{Cluster, HALVINGS, clusters};
+pub use clusters::{Cluster, Clusters, HALVINGS, clusters};
 pub use order::{PROTECTED, order};
 pub use pruned::{Kept, Pruned, pruned};
 pub use trend::Trend;
