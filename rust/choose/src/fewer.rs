@@ -117,12 +117,6 @@ impl Whole<'_> {
         let foliage = standing.foliage(base, 1.0)?;
         let most = most.min(2.0 * MOST_WIDER / standing.widening(base));
         let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
-        eprintln!(
-            standing.kept.triangles.len(),
-            base.triangle_count(),
-            passed,
-            passed.judged.excess(1.0)
-        );
         if !passed.passes || passed.crown < UNJUDGED {
             return Ok(None);
         }
