@@ -4,9 +4,10 @@ usage: make bench-handovers ARGS='[--strips FOLDER] [--bounces 8] [PLANT.glb …
        (default: all plants of `bench/scene.py`)
 
 `bake.py` bakes each plant without settings. Each level's file is drawn in Cycles with its trunk, where it takes over,
-beside the file of the leaves, and beside the leaves as a breeze moves them (`sway.py`: 0.025 R, at least 1.5 pixels).
-Octahedral impostors are left out: plain readers draw another level in their place. target/handovers keeps the bakes and
-a picture of each hand-over: leaves, control, level. Without plants it writes docs/bench/handovers.md.
+beside the file of the leaves, and beside the leaves as a breeze moves them (`sway.py`: 0.025 R, at least 1.5 pixels, at
+most 0.06 R). Octahedral impostors, for which plain readers draw another level, and crowns of less than 12 pixels are
+left out. target/handovers keeps the bakes and a picture of each hand-over: leaves, control, level. Without plants it
+writes docs/bench/handovers.md.
 
 --strips: write strips of twelve trees, six of them the level or the control, for a reader who has seen nothing else,
 and print the six. --bounces: transparent bounces of Cycles (default: 64, enough for all leaves).
@@ -52,8 +53,8 @@ Row = dict[str, Any]
 
 INTRODUCTION = f"""# Levels of files at their hand-overs, in Cycles
 
-Made by `make bench-handovers` on {{commit}}: each level that a bake without settings writes, with its trunk, beside the
-leaves, where it takes over; {VIEWS} views, unlit, {{bounces}} transparent bounces. *Crown*: pixels across the leaves.
+Made by `make bench-handovers` on {{commit}}: levels that a bake without settings writes, with their trunks, beside the
+leaves, where they take over; {VIEWS} views, unlit, {{bounces}} transparent bounces. *Crown*: pixels across the leaves.
 *Difference*, *places*: over those of the leaves in a light breeze. *Contrast*, *coverage*: over the leaves'. *Excess*:
 the most that a figure uses of what is allowed (at most 1 passes), and the figure.
 

@@ -74,15 +74,15 @@ class Sphere:
     radius: float
 
     def picture(
-        self, subject: Subject, size: float, direction: Sequence[float] = DIRECTION, samples: int = 4
+        self, subject: Subject, size: float, direction: Sequence[float] = DIRECTION, samples: int = 4, times: int = 1
     ) -> Picture:
-        """Return a picture in which the sphere's diameter covers `size` pixels, which need not be whole.
+        """Return a picture in which the sphere's diameter covers `times` · `size` pixels; `size` need not be whole.
 
         samples: along each side of a pixel.
         """
         side = max(int(np.ceil(size)), 1)
         radius = self.radius * side / size
-        return subject.render(direction, side, centre=self.centre, radius=radius, samples=samples)
+        return subject.render(direction, times * side, centre=self.centre, radius=radius, samples=samples)
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) 
     sphere.
     """
     size = float(np.clip(pixels, SMALLEST, LARGEST))
-    pair, twice = ([sphere.picture(subject, times * size) for subject in (leaves, level)] for times in (1.0, 2.0))
+    pair, twice = ([sphere.picture(subject, size, times=times) for subject in (leaves, level)] for times in (1, 2))
     box = canvas.silhouette(pair)
     errors = canvas.cropped(leafcloud.flip_map(*pair), box)
     colors = [canvas.over(canvas.cropped(picture, box)) for picture in pair]

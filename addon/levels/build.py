@@ -104,9 +104,10 @@ def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
         limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
         none = np.empty(0, np.uint32)
         twigs = [none] * leaf_levels + (build.chain.twigs or [none] * len(build.chain.clouds))
-        # A wished number of triangles comes before the picture.
-        change = MOST_CHANGE if build.schedule.triangles is None else 1.0
-        views = [TrunkView(*view, change) for view in zip(near, pixels, limits, twigs, strict=False)]
+        changes = [MOST_CHANGE] * len(near)
+        if build.schedule.triangles is not None and leaf_levels < len(near):
+            changes[leaf_levels] = 1.0  # The wished number of triangles of the first cloud comes before the picture.
+        views = [TrunkView(*view) for view in zip(near, pixels, limits, twigs, changes, strict=False)]
         coarser = simplified(first, unrolled(tree.trunk), tree.matrix, views)
     costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
     return [first, *coarser, *impostors]

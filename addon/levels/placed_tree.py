@@ -13,12 +13,12 @@ import bpy
 from mathutils import Matrix
 
 from ..mesh.baked_levels import TREE_GROUP, level_number, levels_and_trunks, record
-from ..nodes.laws import LOD_DISTANCE, is_own_group
+from ..nodes.laws import LOD_DISTANCE, STAGGER, is_own_group
 from ..nodes.placed_tree import LevelModifier, Part, fill_tree_group
 from ..versions import modifier_inputs, source_of_input
 from .root import root_of
 
-_OWN_INPUTS = (LOD_DISTANCE, "Manual", "Transition", "Keep")
+_OWN_INPUTS = (LOD_DISTANCE, STAGGER, "Manual", "Transition", "Keep")
 """Inputs of the levels' modifiers that a placed tree sets for all of its levels."""
 
 

@@ -42,8 +42,9 @@ class TrunkView:
     """How a level's trunk is seen where the level appears.
 
     level: the leaves or the cloud that hide parts of the trunk. pixel: side of a pixel on the tree, world units.
-    limit: maximum number of triangles; more are kept where the picture would change by more than `most_change`, a
-    share. twigs: triangles of the trunk that the cloud shows itself, those of the cloud before among them.
+    limit: wanted number of triangles at most. twigs: triangles of the trunk that the cloud shows itself, those of the
+    cloud before among them. most_change: more triangles than `limit` are kept where fewer would change more of the
+    picture, as a share.
     """
 
     level: leafcloud.LeafLevel | leafcloud.Level

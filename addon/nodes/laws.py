@@ -28,7 +28,7 @@ NEAREST = 1e-3
 """Least factor."""
 
 STAGGER = "Stagger"
-"""Input of the groups that follow the camera: the share of a distance by which switches are spread around it."""
+"""Input of the groups that follow the camera: the largest change of switch distances by an object's place."""
 STAGGER_TURNS = (0.7549, 0.5698, 0.4387)
 """Turns per world unit of an object's place, as in shaders/leafcloud.glsl."""
 
@@ -146,7 +146,7 @@ def declare_factor(tree: bpy.types.NodeTree, panel: Any = None) -> None:
 
 def declare_stagger(tree: bpy.types.NodeTree, usual: float, panel: Any = None) -> None:
     """Declare the input Stagger, whose default is `usual`."""
-    about = "Share of a distance by which switches are spread around it, so that neighbors do not switch together"
+    about = "Largest change of the distances by the object's place, so that neighbors do not switch together"
     declare(tree, STAGGER, "Float", about, panel, default_value=usual, subtype="FACTOR", min_value=0.0, max_value=0.5)
 
 

@@ -28,7 +28,7 @@ AUTO = -1
 """Value of the input Level: the distance decides."""
 _ROW = -900.0
 _STAGGER = 0.1
-"""Share of a distance by which the switches of placed trees are spread around it."""
+"""Largest change of the switch distances of placed trees by their places."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ WHOLE_SHARE = 0.25
 
 
 def trunk_limits(leaf_triangles: Sequence[int], tree_triangles: int, wished: int | None = None) -> tuple[int, ...]:
-    """Return the wanted number of trunk triangles of each cloud at most: as many as its leaves have, or a fixed number.
+    """Return how many trunk triangles each cloud should have at most: as many as its leaves have, or a fixed number.
 
     `leaf_triangles`: triangles of each cloud without its trunk. `tree_triangles`: of LOD 0, with its trunk. `wished`:
     most triangles of level 1 (the setting `triangles`), of which its trunk has what its leaves leave.

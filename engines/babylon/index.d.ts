@@ -12,7 +12,7 @@ export interface Settings {
   fade: number;
   /** The same after a morph. */
   fadeBehindMorph: number;
-  /** Share of a distance by which the trees' switches are spread around it, so that neighbors do not switch together; 0: none. */
+  /** Largest change of a tree's switch distances by its place, as a fraction: neighbors do not switch together; 0: none. */
   stagger: number;
   /** Strength of the wind; 0: no motion; null: the file's. */
   wind: number | null;

@@ -17,7 +17,7 @@ export interface Settings {
   fade: number;
   /** The same after a morph. */
   fadeBehindMorph: number;
-  /** Share of a distance by which the trees' switches are spread around it, so that neighbors do not switch together; 0: none. */
+  /** Largest change of a tree's switch distances by its place, as a fraction: neighbors do not switch together; 0: none. */
   stagger: number;
   /** Fraction of the distance by which a level stays longer when the camera returns, without a fade. A forest has none. */
   hysteresis: number;

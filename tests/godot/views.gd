@@ -8,7 +8,7 @@ extends SceneTree
 ## begin and end of the cross-fade, and apart from it. For each level: the levels that draw a pixel at some distances
 ## (drawn.json).
 
-const SHARES := [0.5, 0.76, 1.15, 1.74, 2.64, 4.0]
+const SHARES := [0.5, 0.76, 1.2, 1.74, 2.64, 4.0]
 const STEP := 0.001
 const DIRECTIONS := 8
 

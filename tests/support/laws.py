@@ -26,7 +26,7 @@ def transition(distance: Floats, start: Floats, end: Floats) -> Floats:
 
 def stagger(place: Floats, amount: float) -> Floats:
     """Return the factor on the distances of trees at places (n, 3), y up: 1 + s·w(t), w a triangle wave from 0."""
-    turns = np.asarray(place @ [0.7549, 0.4387, 0.5698])
+    turns = np.asarray(place @ [0.7549, 0.4387, -0.5698])
     return 1.0 + amount * 2.0 / math.pi * np.arcsin(np.sin(2.0 * math.pi * turns))
 
 

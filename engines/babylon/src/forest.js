@@ -16,6 +16,7 @@ export class Forest {
   #layers;
   #places = [];
   #spheres = [];
+  #origins = [];
   #capacity;
   #reach;
   #sortedFor = "";
@@ -47,6 +48,8 @@ export class Forest {
       throw new Error(`${places.length} places are more than the ${this.#capacity} of the forest: make a new Forest`);
     }
     this.#places = places.map((place) => place.clone());
+    const [{ toTree }] = this.#layers;
+    this.#origins = places.map((place) => Vector3.TransformCoordinates(toTree.getTranslation(), place));
     this.#spheres = places.map((place) => ({ middle: Vector3.TransformCoordinates(this.centre, place), scale: scaleOf(place) }));
     this.#layers.forEach((layer) => {
       layer.matrices = this.#places.map((place) => layer.matrixAt(place));
@@ -90,7 +93,7 @@ export class Forest {
     const distances = this.#spheres.map(({ middle, scale: own }, i) => {
       const there = Vector3.TransformCoordinates(middle, place);
       const isSeen = planes.every((plane) => plane.dotCoordinate(there) >= -this.#reach * own * scale);
-      const origin = Vector3.TransformCoordinates(this.#places[i].getTranslation(), place).asArray();
+      const origin = Vector3.TransformCoordinates(this.#origins[i], place).asArray();
       const unit = own * scale * factor * staggerAt(origin, stagger);
       return isSeen ? Vector3.Distance(there, camera.globalPosition) / unit : NaN;
     });

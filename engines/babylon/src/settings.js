@@ -9,8 +9,8 @@ import { Camera } from "@babylonjs/core";
  * pixels: height of the picture in pixels; null: that of the engine.
  * fade: fade length of a level that no level morphs to, as a fraction of its switch distance.
  * fadeBehindMorph: the same after a morph.
- * stagger: share of a distance by which the trees' switches are spread around it, by their places in the world, so that
- *   neighbors do not switch together. 0: none.
+ * stagger: largest change of a tree's switch distances by its place in the world, as a fraction, so that neighbors do not
+ *   switch together. 0: none.
  * wind: strength of the wind, like that of Blender's force fields; 0: no motion. null: the file's number. Files without
  *   wind ignore it.
  * seconds: time of the wind; null: the page's clock.

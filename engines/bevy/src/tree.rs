@@ -22,7 +22,7 @@ pub struct LeafcloudTree {
     pub number: usize,
     /// Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
     pub lod_distance: f32,
-    /// The share of a distance by which the trees' switches are spread around it, by their places, so that neighbors do not switch together.
+    /// Largest change of a tree's switch distances by its place, as a fraction, so that neighbors do not switch together.
     pub stagger: f32,
 }
 

@@ -20,6 +20,7 @@ export class Forest extends THREE.Group {
   #source;
   #places;
   #spheres;
+  #origins;
   #capacity;
   #reach;
 
@@ -45,6 +46,9 @@ export class Forest extends THREE.Group {
       throw new Error(`${places.length} places are more than the ${this.#capacity} of the forest: make a new Forest`);
     }
     this.#places = places.map((place) => place.clone());
+    const [{ offset }] = this.#layers[0].meshes;
+    const origin = new THREE.Vector3().setFromMatrixPosition(offset);
+    this.#origins = places.map((place) => origin.clone().applyMatrix4(place));
     this.#spheres = places.map((place) => new THREE.Sphere(this.centre.clone(), this.radius).applyMatrix4(place));
   }
 
@@ -106,12 +110,7 @@ export class Forest extends THREE.Group {
 
   /** Distances of the trees from an eye, in the file's units. */
   #distances(eye, factor, stagger) {
-    const [{ offset }] = this.#layers[0].meshes;
-    const own = new THREE.Matrix4();
-    const staggered = (i) => {
-      own.multiplyMatrices(this.#places[i], offset).premultiply(this.matrixWorld);
-      return staggerAt(own.elements.slice(12, 15), stagger);
-    };
+    const staggered = (i) => staggerAt(this.#origins[i].clone().applyMatrix4(this.matrixWorld).toArray(), stagger);
     return this.#spheres.map(
       ({ center, radius }, i) => (center.distanceTo(eye) * this.radius) / (radius * factor * staggered(i)),
     );

@@ -24,13 +24,12 @@ float lc_transition(float distance, float start, float end) {
     return clamp((distance - start) / max(end - start, LC_TINY), 0.0, 1.0);
 }
 
-// Turns per world unit of a tree's place for lc_stagger. Y-up as in glTF: (x, z, y) of Blender's. Those of neighbors on
-// a grid are far apart.
-const vec3 LC_STAGGER_TURNS = vec3(0.7549, 0.4387, 0.5698);
+// Turns per world unit of a tree's place for lc_stagger. Y-up as in glTF: (x, z, −y) of Blender's.
+const vec3 LC_STAGGER_TURNS = vec3(0.7549, 0.4387, -0.5698);
 
-// 1 + s·w(t): the factor on the distances of the tree at \`place\` in the world, so that trees at the same distance do not
-// switch together. \`amount\` s in [0, 1); w is a triangle wave of t = place · LC_STAGGER_TURNS, 0 at the origin: as
-// evenly spread as a random number, without its jumps, so processors and shaders agree.
+// 1 + s·w(t): the factor on the distances of the tree at \`place\` in the world, so that neighbors do not switch together.
+// \`amount\` s in [0, 1); w is a triangle wave of t = place · LC_STAGGER_TURNS, in [−1, 1] and 0 at the origin. A random
+// number would have jumps, where processors and shaders disagree.
 float lc_stagger(vec3 place, float amount) {
     return 1.0 + amount * (4.0 * abs(fract(dot(place, LC_STAGGER_TURNS) - 0.25) - 0.5) - 1.0);
 }

@@ -13,7 +13,7 @@ const FILE_VIEW = Math.tan((25 * Math.PI) / 180) / 1080;
 export const PLACE_TURNS = [0.1732, 0.2236, -0.1414];
 
 /** LC_STAGGER_TURNS of leafcloud.glsl. */
-export const STAGGER_TURNS = [0.7549, 0.4387, 0.5698];
+export const STAGGER_TURNS = [0.7549, 0.4387, -0.5698];
 
 /** 1 + s·w(t), lc_stagger of leafcloud.glsl. `place`: [x, y, z] in the world. */
 export function staggerAt(place, amount) {

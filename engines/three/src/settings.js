@@ -12,8 +12,8 @@
  * pruneHalf: h of that law. Used if pruneStart is a number.
  * fade: fade length of a level that no level morphs to, as a fraction of its switch distance.
  * fadeBehindMorph: the same after a morph, for the remaining changes of lighting and alpha edges.
- * stagger: share of a distance by which the trees' switches are spread around it, by their places in the world, so that
- *   neighbors do not switch together. 0: none.
+ * stagger: largest change of a tree's switch distances by its place in the world, as a fraction, so that neighbors do not
+ *   switch together. 0: none.
  * hysteresis: without a fade, the fraction of the distance by which a level stays longer when the camera returns, so
  *   that levels do not flicker. A forest has none.
  * wind: strength of the wind, like that of Blender's force fields; 0: no motion. null: the file's number. Files without

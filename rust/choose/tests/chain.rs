@@ -120,7 +120,7 @@ fn fewer_leaves_fill_the_gap_before_a_late_cloud() {
     let mut before: Vec<u32> = (0..foliage.triangle_count() as u32).collect();
     for level in levels {
         let kept = &level.kept.as_ref().unwrap().triangles;
-        assert!(level.passed.passes && kept.len() * 2 <= before.len() && kept.iter().all(|t| before.contains(t)));
+        assert!(level.passed.passes && kept.len() * 5 <= before.len() * 4 && kept.iter().all(|t| before.contains(t)));
         assert_eq!(level.leaves.targets.len(), before.len());
         let mut places = level.leaves.places.iter();
         for (triangle, target) in before.iter().zip(&level.leaves.targets) {

@@ -122,8 +122,8 @@ static func _fade(level: Dictionary, next: Dictionary) -> Vector2:
 	if level.has("transition_end"):
 		# At the end itself overlapping leaves have almost no depth order.
 		var start := lerpf(level["transition_start"], level["transition_end"], 0.998)
-		return Vector2(start, 1.1 * start)
-	return Vector2(next["switch_distance"], 1.25 * next["switch_distance"])
+		return Vector2(start, 1.08 * start)
+	return Vector2(next["switch_distance"], 1.15 * next["switch_distance"])
 
 
 ## The base textures of the leaves themselves that are cut out, each with the texture that is drawn.

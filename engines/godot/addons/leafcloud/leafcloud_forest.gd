@@ -24,8 +24,8 @@ const Levels := preload("leafcloud_tree.gd")
 ## Factor on the distances of all levels. At 2 finer levels are drawn twice as far away, which costs time.
 @export_range(0.1, 10.0, 0.01, "or_greater") var lod_distance := 1.0
 
-## The share of a distance by which the trees' switches are spread around it, by their places, so that neighbors do not
-## switch together. 0: none.
+## Largest change of a tree's switch distances by its place, as a fraction, so that neighbors do not switch together.
+## 0: none.
 @export_range(0.0, 0.5, 0.01) var stagger := 0.1:
 	set(value):
 		stagger = value
@@ -37,6 +37,7 @@ const PATIENCE := 0.02
 ## One entry a level or shadow proxy: its numbers in the file, the center of its leaves in the tree, its place in the tree, and its drawing.
 var _levels: Array[Dictionary] = []
 var _sorted_from := Vector3.ZERO
+var _sorted_at := Transform3D.IDENTITY
 var _factor := 0.0
 
 
@@ -78,8 +79,10 @@ func _process(_delta: float) -> void:
 	var eye := to_local(camera.global_position)
 	var ends := _levels.map(func(level: Dictionary) -> float: return level["numbers"]["fade_out"].x)
 	var patience: float = PATIENCE * ends.min() * factor * _least_scale()
-	if eye.distance_to(_sorted_from) > patience or absf(factor - _factor) > 0.001 * factor:
+	var has_moved := eye.distance_to(_sorted_from) > patience or global_transform != _sorted_at
+	if has_moved or absf(factor - _factor) > 0.001 * factor:
 		_sorted_from = eye
+		_sorted_at = global_transform
 		_factor = factor
 		_sort(eye, factor, patience)
 

@@ -21,8 +21,8 @@ const MOST_DETAIL := 128.0
 		lod_distance = value
 		_measured = 0.0
 
-## The share of a distance by which the trees' switches are spread around it, by their places, so that neighbors do not
-## switch together. 0: none.
+## Largest change of a tree's switch distances by its place, as a fraction, so that neighbors do not switch together.
+## 0: none.
 @export_range(0.0, 0.5, 0.01) var stagger := 0.1:
 	set(value):
 		stagger = value
@@ -30,7 +30,7 @@ const MOST_DETAIL := 128.0
 
 ## The factor on the file's distances that the ranges were set for; 0: none yet.
 var _measured := 0.0
-var _measured_at := Vector3.INF
+var _measured_at := Transform3D.IDENTITY
 
 
 ## Reads a GLB file while the game runs, from any folder. Null, with an error in the log, if it cannot be read or has no
@@ -120,15 +120,15 @@ static func view_factor(viewport: Viewport) -> float:
 
 ## lc_stagger of leafcloud.gdshaderinc.
 static func stagger_at(place: Vector3, amount: float) -> float:
-	var turns := place.dot(Vector3(0.7549, 0.4387, 0.5698)) - 0.25
+	var turns := place.dot(Vector3(0.7549, 0.4387, -0.5698)) - 0.25
 	return 1.0 + amount * (4.0 * absf(turns - floorf(turns) - 0.5) - 1.0)
 
 
 func _process(_delta: float) -> void:
 	var factor := lod_distance * view_factor(view_of(self)) * global_basis.x.length()
-	if absf(factor - _measured) > 0.001 * factor or global_position != _measured_at:
+	if absf(factor - _measured) > 0.001 * factor or global_transform != _measured_at:
 		_measured = factor
-		_measured_at = global_position
+		_measured_at = global_transform
 		_set_ranges(factor)
 
 

@@ -59,18 +59,17 @@ pub fn clusters(foliage: &Foliage, seen: &[f64]) -> Clusters {
     let count = free.len() >> HALVINGS;
     cells.split(&mut free, count.max(1), &mut |cell| {
         cells.join(cell, HALVINGS - 1, &mut halved);
-        cells.halve(cell, HALVINGS - 1, &mut |pair| pairs.push((cells.spread(pair), pair.to_vec())));
+        cells.halve(cell, HALVINGS - 1, &mut |pair| pairs.push((cells.gain(pair), pair.to_vec())));
     });
-    // Stable: of equal pairs the first stay apart.
+    // Hidden clusters have many leaves, which would need all the room. Stable: of equal ones the first stay apart.
     pairs.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let mut room = (3 * free.len() / 4).saturating_sub(pairs.len());
-    for (_, pair) in &pairs {
-        if pair.len() > room + 1 {
-            room = 0;
-            three_quarters.push(cells.joined(pair, pair, 0));
+    for (_, cluster) in &pairs {
+        if cluster.len() <= room + 1 {
+            room -= cluster.len() - 1;
+            three_quarters.extend(cluster.iter().map(alone));
         } else {
-            room -= pair.len() - 1;
-            three_quarters.extend(pair.iter().map(alone));
+            three_quarters.push(cells.joined(cluster, cluster, 0));
         }
     }
     Clusters { three_quarters, halved }
@@ -151,10 +150,11 @@ impl Cells {
         cell.iter().map(|&leaf| self.weights[leaf] * self.pivots[leaf]).sum::<DVec3>() / self.weight(cell)
     }
 
-    /// Returns the sum of the squared distances from the middle, by weight.
-    fn spread(&self, cell: &[usize]) -> f64 {
+    /// Returns what each further leaf of a cell is worth: the sum of the squared distances from the middle, by weight, over their number.
+    fn gain(&self, cell: &[usize]) -> f64 {
         let middle = self.middle(cell);
-        cell.iter().map(|&leaf| self.weights[leaf] * self.pivots[leaf].distance_squared(middle)).sum()
+        let apart = |&leaf: &usize| self.weights[leaf] * self.pivots[leaf].distance_squared(middle);
+        cell.iter().map(apart).sum::<f64>() / cell.len().saturating_sub(1).max(1) as f64
     }
 
     fn weight(&self, leaves: &[usize]) -> f64 {
@@ -227,9 +227,12 @@ mod tests {
     fn hidden_leaves_take_few_clusters() {
         let foliage = grid(8, Vec::new());
         let seen = |leaf| if leaf < 256 { 8.0 } else { 0.0 };
-        let [half, ..] = clusters(&foliage, &(0..512).map(seen).collect::<Vec<_>>()).halved;
+        let Clusters { three_quarters, halved: [half, ..] } =
+            clusters(&foliage, &(0..512).map(seen).collect::<Vec<_>>());
         let shown = half.iter().filter(|cluster| cluster.leaf < 256).count();
         assert!(half.len() > 240 && shown > 2 * half.len() / 3, "{shown} of {}", half.len());
+        let shown = three_quarters.iter().filter(|cluster| cluster.leaf < 256).count();
+        assert!(three_quarters.len() <= 384 && shown > 240, "{shown} of {}", three_quarters.len());
     }
 
     #[test]
