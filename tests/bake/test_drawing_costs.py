@@ -29,7 +29,7 @@ KEYS = {
 
 @pytest.fixture(scope="module")
 def baked() -> tuple[Path, dict[str, Any]]:
-    out = kept("--texture-size", 256, "--levels", 1, "--every-level", "--last", "cross")
+    out = kept("--texture-size", 256, "--levels", 1, "--every-level", "--last", "cross", "--form", "billboards")
     return out, report_in(out)
 
 

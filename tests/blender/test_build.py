@@ -386,13 +386,13 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     leaf, cloud, last, cross = (level.object.modifiers[0] for level in levels)
     assert get_modifier_input(leaf, "Start") == pytest.approx(2.5)
     assert get_modifier_input(leaf, "End") == pytest.approx(5.0)
-    assert get_modifier_input(leaf, "Vanish") == pytest.approx(1.1 * get_modifier_input(cloud, "Appear"))
+    assert get_modifier_input(leaf, "Vanish") == pytest.approx(1.08 * get_modifier_input(cloud, "Appear"))
     assert get_modifier_input(leaf, "Prune Start") == pytest.approx(get_modifier_input(leaf, "Vanish"))
     assert get_modifier_input(cross, "Appear") == pytest.approx(50.0)
     assert (
-        get_modifier_input(cross, "Fade In End") == get_modifier_input(last, "Fade Out Start") == pytest.approx(56.25)
+        get_modifier_input(cross, "Fade In End") == get_modifier_input(last, "Fade Out Start") == pytest.approx(53.75)
     )
-    assert get_modifier_input(last, "Vanish") == pytest.approx(62.5)
+    assert get_modifier_input(last, "Vanish") == pytest.approx(57.5)
     assert get_modifier_input(cross, "Vanish") > 1e8
     trunk = levels[1].trunk.modifiers[0]
     assert get_modifier_input(trunk, "Appear") == get_modifier_input(cloud, "Appear")

@@ -34,7 +34,10 @@ _EXACT = ("--effects", "transitions,pruning,trunk_levels,wind")
 
 BAKES: dict[str, tuple[str, ...]] = {
     "quick": QUICK,
-    "sharp": ("--texture-size", "256", "--levels", "2", "--effects=+pruning", "--every-level", "--last", "octahedral"),
+    "sharp": (
+        *("--texture-size", "256", "--levels", "2", "--effects=+pruning", "--every-level", "--last", "octahedral"),
+        *("--form", "billboards"),
+    ),
     "leaves pruned": (*QUICK, "--effects=+pruning"),
     "octahedral": (*QUICK, "--last", "octahedral", "--effects=+transitions"),
     "pruned": (*QUICK, "--chain", "pruning", "--prune-pixels", "60"),
