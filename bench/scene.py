@@ -46,8 +46,6 @@ PICTURE = DOCUMENT.with_suffix(".png")
 SIDE, BESIDE = 256, 3
 """Greatest side of the pictures of leaves and level 1; plants in a row."""
 SKY = np.array([140.0, 168.0, 199.0])
-LAST_BITS = np.uint8(3)
-"""Set in all colors: nobody sees them, and the file is smaller."""
 Bytes = NDArray[np.uint8]
 LINES, PIXELS = 1080.0, 2313.0
 """Lines of the picture; diameter of a crown in pixels times its distance in R."""
@@ -288,7 +286,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         lines, picture = measured(given or all_plants(Path(folder)))
     if not given:
-        leafcloud.write_png(str(PICTURE), picture | LAST_BITS)
+        PICTURE.write_bytes(leafcloud.encode_png([picture], colors=256))
         DOCUMENT.write_text(INTRODUCTION.format(commit=measured_commit(), side=SIDE) + "\n" + "\n".join(lines) + "\n")
         print(f"{DOCUMENT} is written", file=sys.stderr)
 
