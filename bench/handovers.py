@@ -56,7 +56,7 @@ INTRODUCTION = f"""# Levels of files at their hand-overs, in Cycles
 Made by `make bench-handovers` on {{commit}}: levels that a bake without settings writes, with their trunks, beside the
 leaves, where they take over; {VIEWS} views, unlit, {{bounces}} transparent bounces. *Crown*: pixels across the leaves.
 *Difference*, *places*: over those of the leaves in a light breeze. *Contrast*, *coverage*: over the leaves'. *Excess*:
-the most that a figure uses of what is allowed (at most 1 passes), and the figure.
+the worst figure over its limit, and its name. A level passes if it is at most 1.
 
 """
 

@@ -145,7 +145,7 @@ def declare_factor(tree: bpy.types.NodeTree, panel: Any = None) -> None:
 
 
 def declare_stagger(tree: bpy.types.NodeTree, usual: float, panel: Any = None) -> None:
-    """Declare the input Stagger, whose default is `usual`."""
+    """Declare the input Stagger. `usual`: its default."""
     about = "Largest change of the distances by the object's place, so that neighbors do not switch together"
     declare(tree, STAGGER, "Float", about, panel, default_value=usual, subtype="FACTOR", min_value=0.0, max_value=0.5)
 

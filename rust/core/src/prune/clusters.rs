@@ -33,7 +33,7 @@ pub struct Cluster {
 /// Sets of leaves that stand for clusters. Those of a coarser set are part of those of each finer one.
 #[derive(Clone, Debug, Default)]
 pub struct Clusters {
-    /// Three quarters of the leaves: of the clusters of the next set, those whose leaves are farthest apart are still single leaves.
+    /// Three quarters of the leaves. They are those of the half, but clusters whose leaves are far apart stay single leaves.
     pub three_quarters: Vec<Cluster>,
     /// A half of the leaves, a quarter and so on.
     pub halved: [Vec<Cluster>; HALVINGS],
@@ -53,14 +53,14 @@ pub fn clusters(foliage: &Foliage, seen: &[f64]) -> Clusters {
     let weights = seen.iter().map(|leaf| leaf + unseen).collect();
     let cells = Cells { pivots: leaf_pivots(foliage), weights };
     let alone = |&leaf: &usize| Cluster { leaf, place: cells.pivots[leaf], growth: 1.0 };
-    let mut halved: [Vec<Cluster>; HALVINGS] = std::array::from_fn(|_| protected.iter().map(alone).collect());
-    let mut three_quarters = halved[0].clone();
-    let mut pairs = Vec::new();
+    let halved = std::array::from_fn(|_| protected.iter().map(alone).collect());
+    let mut found = Found { halved, pairs: Vec::new() };
     let count = free.len() >> HALVINGS;
     cells.split(&mut free, count.max(1), &mut |cell| {
-        cells.join(cell, HALVINGS - 1, &mut halved);
-        cells.halve(cell, HALVINGS - 1, &mut |pair| pairs.push((cells.gain(pair), pair.to_vec())));
+        cells.join(cell, HALVINGS - 1, &mut found);
     });
+    let Found { halved, mut pairs } = found;
+    let mut three_quarters: Vec<Cluster> = protected.iter().map(alone).collect();
     // Hidden clusters have many leaves, which would need all the room. Stable: of equal ones the first stay apart.
     pairs.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     let mut room = (3 * free.len() / 4).saturating_sub(pairs.len());
@@ -73,6 +73,12 @@ pub fn clusters(foliage: &Foliage, seen: &[f64]) -> Clusters {
         }
     }
     Clusters { three_quarters, halved }
+}
+
+/// The sets of halves, and the leaves of each cluster of the half with the gain of their separation.
+struct Found {
+    halved: [Vec<Cluster>; HALVINGS],
+    pairs: Vec<(f64, Vec<usize>)>,
 }
 
 struct Cells {
@@ -112,28 +118,21 @@ impl Cells {
         leaves.split_at_mut(at.max(1))
     }
 
-    /// Cuts a cell `times` times in half, and calls `each` with the parts.
-    fn halve(&self, cell: &mut [usize], times: usize, each: &mut impl FnMut(&[usize])) {
-        if times == 0 || cell.len() < 2 {
-            return each(cell);
-        }
-        let (a, b) = self.cut(cell, 0.5);
-        self.halve(a, times - 1, each);
-        self.halve(b, times - 1, each);
-    }
-
     /// Adds the clusters of a cell to the sets up to `number`, one to the coarsest, and returns the leaf of that one.
-    fn join(&self, cell: &mut [usize], number: usize, found: &mut [Vec<Cluster>; HALVINGS]) -> usize {
+    fn join(&self, cell: &mut [usize], number: usize, found: &mut Found) -> usize {
         let candidates = match number.checked_sub(1) {
             Some(finer) if cell.len() > 1 => {
                 let (a, b) = self.cut(cell, 0.5);
                 [a, b].map(|half| self.join(half, finer, found)).to_vec()
             }
             Some(finer) => vec![self.join(cell, finer, found)],
-            None => cell.to_vec(),
+            None => {
+                found.pairs.push((self.gain(cell), cell.to_vec()));
+                cell.to_vec()
+            }
         };
         let cluster = self.joined(cell, &candidates, number);
-        found[number].push(cluster);
+        found.halved[number].push(cluster);
         cluster.leaf
     }
 
