@@ -41,10 +41,10 @@ class TransitionsEffect(Effect):
         return (Rate(lambda known: known.all_vertices, 41.0, seconds=1.0e-7),)
 
     def add_to_member(self, obj: bpy.types.Object, lod_range: LodRange, build: Build) -> None:
-        from ..levels.fading import let_fade
+        from ..levels.fading import fades_by_material, let_fade
         from ..mesh.baked_levels import level_number
 
-        if lod_range.fades:
+        if fades_by_material(obj.data, lod_range):
             number = level_number(obj)
             let_fade(obj, is_cloud=number is not None and number >= build.first_cloud)
 

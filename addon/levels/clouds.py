@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..nodes.laws import OWN_BILLBOARD
 from .baked_light import unlit_material
 from .building import Build, own_bytes
 from .material import Page, atlas_image, atlas_material
+from .morphs import add_point_attribute
 from .mesh import PolygonFaces, create_mesh, polygon_faces, polygon_surface
 from .shape import Shape, object_of, pruning_of, transition_of
 from .sides import add_sides
@@ -29,6 +31,10 @@ def cloud_object(
     mesh = create_mesh(name, shape.surface, [material])
     if level.two_sided:
         add_sides(mesh, level, faces)
+    if level.cloud is not None and build.has("transitions"):
+        own = level.plane_ids[level.polygon_billboards][faces.vertex_polygons].astype(np.int32)
+        with build.costs.spent_on("transitions", own.nbytes):
+            add_point_attribute(mesh, OWN_BILLBOARD, "INT", own)
     extras = {
         "level": number,
         "switch_distance": schedule.switch_distances[number],

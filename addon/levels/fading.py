@@ -1,9 +1,10 @@
-"""Materials that cross-fade one level to the next.
+"""Materials that cross-fade one level to the next, where it does not replace it billboard by billboard (`nodes.lod`).
 
-The node group stores the hidden fraction of a level as the attribute `leaf_hidden_share`. Outputs for Cycles and EEVEE
-mix in as much transparency. If the attribute is 0 or missing, nothing changes. A fading level casts no shadow, because
-the other level is fully visible in the same place. Exporters read the output for all renderers, which stays unchanged.
-Engines fade by dithering (`lc_shown` in shaders/leafcloud.glsl).
+The node group stores the hidden fraction of a level as the attribute `leaf_hidden_share`, the negative of it while the
+level fades in. Camera rays see either level, by a random number of their place in the picture that is the same for
+both, so none passes between them. All other rays see the level that fades out: the next one stands in the same place,
+and both would shade each other. If the attribute is 0 or missing, nothing changes. Exporters read the output for all
+renderers, which stays unchanged. Engines fade by dithering (`lc_shown` in shaders/leafcloud.glsl).
 """
 
 from __future__ import annotations
@@ -12,9 +13,19 @@ from typing import cast
 
 import bpy
 
-from ..nodes.laws import HIDDEN_SHARE
+from ..nodes.builder import Section
+from ..nodes.laws import HIDDEN_SHARE, OWN_BILLBOARD, PARENT
+from ..plan.lod_range import LodRange
 
 RENDERERS = ("CYCLES", "EEVEE")
+CELLS = 8192.0
+"""Places with a random number of their own, along each side of a picture."""
+
+
+def fades_by_material(mesh: bpy.types.Mesh, lod_range: LodRange) -> bool:
+    """Return whether a level or a trunk with this mesh fades, and has no billboards' numbers to do that by."""
+    out = lod_range.fade_out_start < lod_range.vanish and PARENT not in mesh.attributes
+    return out or (lod_range.fade_in_end > lod_range.appear and OWN_BILLBOARD not in mesh.attributes)
 
 
 def let_fade(obj: bpy.types.Object, *, is_cloud: bool) -> None:
@@ -45,7 +56,7 @@ def fading_copy(material: bpy.types.Material | None) -> bpy.types.Material | Non
 def add_fade(tree: bpy.types.NodeTree) -> None:
     """Make a material fade by `leaf_hidden_share` in each renderer. The material must have an output."""
     x, y = tree.get_output_node("ALL").location
-    _fade_by(tree, _hidden(tree, (x, y + 700.0)))
+    _fade_by(tree, _hidden(tree, (x - 1200.0, y + 900.0)))
 
 
 def _fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
@@ -55,7 +66,7 @@ def _fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
     clear = tree.nodes.new("ShaderNodeBsdfTransparent")
     clear.location = (x, y + 500.0)
     for row, renderer in enumerate(RENDERERS):
-        output = _output_for(tree, renderer)
+        output = output_for(tree, renderer)
         mix = tree.nodes.new("ShaderNodeMixShader")
         mix.location, output.location = (x + 200.0, y + 700.0 - 200.0 * row), (x + 400.0, y + 700.0 - 200.0 * row)
         shown = output.inputs["Surface"].links[0].from_socket if output.inputs["Surface"].is_linked else None
@@ -67,24 +78,26 @@ def _fade_by(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket) -> None:
 
 
 def _hidden(tree: bpy.types.NodeTree, place: tuple[float, float]) -> bpy.types.NodeSocket:
-    """Return the hidden fraction; for shadow rays 1 if the level fades at all, else 0."""
-    x, y = place
-    share, path = tree.nodes.new("ShaderNodeAttribute"), tree.nodes.new("ShaderNodeLightPath")
-    share.attribute_name, share.label = HIDDEN_SHARE, "Cross-fade: hidden fraction"
-    fades, shadow, either = (tree.nodes.new("ShaderNodeMath") for _ in range(3))
-    fades.operation, shadow.operation, either.operation = "GREATER_THAN", "MULTIPLY", "MAXIMUM"
-    fades.inputs[1].default_value = 0.0
-    for node, column, row in ((share, 4, 0), (path, 4, 1), (fades, 3, 1), (shadow, 2, 1), (either, 1, 0)):
-        node.location = (x - 200.0 * column, y + 200.0 * row)
-    tree.links.new(share.outputs["Fac"], fades.inputs[0])
-    tree.links.new(fades.outputs[0], shadow.inputs[0])
-    tree.links.new(path.outputs["Is Shadow Ray"], shadow.inputs[1])
-    tree.links.new(share.outputs["Fac"], either.inputs[0])
-    tree.links.new(shadow.outputs[0], either.inputs[1])
-    return either.outputs[0]
+    """Return 1 where the level is hidden, else 0.
+
+    Let w be the place's random number and s the attribute. Camera rays: w < s fading out, w ≥ 1 + s fading in. Other
+    rays: s < 0.
+    """
+    section = Section(tree, "Cross-fade: hidden?", place)
+    share = section.node("ShaderNodeAttribute", attribute_name=HIDDEN_SHARE).outputs["Fac"]
+    seen = section.node("ShaderNodeTexCoord").outputs["Window"]
+    cell = section.vector("FLOOR", section.vector("MULTIPLY", seen, (CELLS, CELLS, 0.0)), label="Place")
+    random = section.node("ShaderNodeTexWhiteNoise", cell, label="w", noise_dimensions="2D").outputs["Value"]
+    coming = section.math("LESS_THAN", share, 0.0, label="Fades in")
+    gone = section.math("LESS_THAN", random, share, label="w < s")
+    ahead = section.math("MULTIPLY", coming, section.math("GREATER_THAN", random, section.math("ADD", share, 1.0)))
+    dithered = section.math("MAXIMUM", gone, ahead, label="Hidden from the camera")
+    camera = section.node("ShaderNodeLightPath").outputs["Is Camera Ray"]
+    chosen = section.node("ShaderNodeMix", camera, coming, dithered, data_type="FLOAT", label="By the kind of ray")
+    return next(socket for socket in chosen.outputs if socket.enabled)
 
 
-def _output_for(tree: bpy.types.NodeTree, renderer: str) -> bpy.types.Node:
+def output_for(tree: bpy.types.NodeTree, renderer: str) -> bpy.types.Node:
     """Return the renderer's own output. If it has none, add one with the links of the output for all renderers."""
     found = cast(bpy.types.Node, tree.get_output_node(renderer))
     if found.target == renderer:

@@ -28,7 +28,7 @@ from ..plan.pruning import halvings
 from .building import BuiltLevel
 from .rollback import removed_on_failure
 
-_LIVE_ATTRIBUTES = ("leaf_rank", "leaf_target", "leaf_pivot_target", "leaf_billboard", "leaf_billboard_pivot")
+_LIVE_ATTRIBUTES = ("leaf_rank", "leaf_target", "leaf_pivot_target", "leaf_billboard", "leaf_billboard_pivot", "own_billboard")
 """Attributes for morphs and live pruning. Variants have neither."""
 _WIND_ATTRIBUTES = ("leaf_pivot", "leaf_phase", "leaf_flutter")
 """Attributes that a variant keeps if there is wind."""

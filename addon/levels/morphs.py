@@ -8,6 +8,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..nodes.laws import PARENT
+
 SHAPE_KEY = "Billboards"
 GROUP_PREFIX = "LC_"
 
@@ -54,7 +56,7 @@ def add_transition(obj: bpy.types.Object, transition: Transition) -> None:
     The shape key holds the morph for editing and export. It has the value 0 and no driver.
     """
     mesh = obj.data
-    add_point_attribute(mesh, "leaf_billboard", "INT", transition.billboard)
+    add_point_attribute(mesh, PARENT, "INT", transition.billboard)
     add_point_attribute(mesh, "leaf_target", "FLOAT_VECTOR", transition.target)
     add_point_attribute(mesh, "leaf_pivot_target", "FLOAT_VECTOR", transition.pivot_target)
     _add_groups(obj, transition.billboard)

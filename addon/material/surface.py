@@ -172,7 +172,7 @@ def _with_alpha(surface: Surface, alpha: Port, mask: Port | None, tree: bpy.type
     try:
         if mask is not None and number_at(alpha) != 1.0:
             raise NotUnderstoodError("is cut out by a Mix Shader, too")
-        target, cutoff = _cut(mask or alpha)
+        target, cutoff = cut(mask or alpha)
         product = product_of(target)
         _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):
@@ -259,7 +259,7 @@ def _single(source: Port, kind: str) -> Product:
     raise NotUnderstoodError(f"comes from the node {node.name!r}")
 
 
-def _cut(target: Port) -> tuple[Port, float | None]:
+def cut(target: Port) -> tuple[Port, float | None]:
     """Return the input before a cutoff node, and the cutoff. Alpha is 1 from the cutoff up, 0 below it.
 
     The glTF importer builds Round and 1 − Less Than, artists and Leafcloud Greater Than.

@@ -92,6 +92,11 @@ class Section:
         """Return the point attribute `name`; 0 on a mesh without it."""
         return self.result("GeometryNodeInputNamedAttribute", name, label=name, data_type=kind)
 
+    def integer_attribute(self, name: str) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+        """Return the integer point attribute `name`, and whether the mesh has it."""
+        node = self.node("GeometryNodeInputNamedAttribute", name, label=name, data_type="INT")
+        return next(socket for socket in node.outputs if socket.enabled), node.outputs["Exists"]
+
     def vector_attribute(self, name: str, missing: Operand) -> bpy.types.NodeSocket:
         """Return the vector point attribute `name`; `missing` on a mesh without it."""
         node = self.node("GeometryNodeInputNamedAttribute", name, label=name, data_type="FLOAT_VECTOR")

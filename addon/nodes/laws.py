@@ -19,7 +19,11 @@ BLOCK = 1024.0
 """Faces per block of a blockwise sum."""
 
 HIDDEN_SHARE = "leaf_hidden_share"
-"""Point attribute: fraction of a level hidden while it cross-fades. 0 or missing: fully visible."""
+"""Point attribute: hidden fraction of a level that fades out, its negative of one that fades in. 0 or missing: shown."""
+PARENT, OWN_BILLBOARD = "leaf_billboard", "own_billboard"
+"""Point attributes: numbers of the billboards that leaves come to lie on, and of a level's own billboards."""
+GOLDEN = 0.618034
+"""Spreads the numbers 1, 2, 3 … evenly over [0, 1)."""
 
 LOD_DISTANCE = "LOD Distance"
 """Input of the groups that follow the camera: the factor on all of their distances."""

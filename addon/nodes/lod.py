@@ -10,13 +10,16 @@ camera to the level's center in the object's own coordinates, divided by the inp
     γ = λ^(c₁ + c₂ ln λ)                                         further growth, measured (`leafcloud.Chain.growth`)
     p' = pivot(a) + (p(a) − pivot(a))·s·γ·r                      for leaves of rank below λ; the others are deleted
     κ = min(1, λ^(k₁ + k₂ ln λ))                                 contrast: kept fraction of a color's offset to the mean
-    i = (fade-in end − d) / (fade-in end − appear)               fading in
-    o = (d − fade-out start) / (vanish − fade-out start)         fading out
-    h = clamp(max(i, o), 0, 1)                                   hidden fraction
+    i = clamp((fade-in end − d) / (fade-in end − appear), 0, 1)  hidden fraction of a level that fades in
+    o = clamp((d − fade-out start) / (vanish − fade-out start), 0, 1)   and of one that fades out
 
-Leaves of a negative rank are protected: they are never pruned, do not grow, and do not count in the sums. Materials
-read 1 − κ and h from the point attributes `leaf_mean_share` and `leaf_hidden_share`. The group stores each of them only
-while it is above 0.
+Leaves of a negative rank are protected: they are never pruned, do not grow, and do not count in the sums.
+
+A level of billboards takes the place of the leaves that lie on them billboard by billboard: the leaves of billboard n
+go where o reaches frac(n·φ), φ = 0.618…, and the billboard comes there. So any ray, of a shadow, too, meets either. That
+needs the billboards' numbers: `leaf_billboard` of the leaves, `own_billboard` of the level. A level without them fades
+by its materials (`levels.fading`), which read o − i from the point attribute `leaf_hidden_share`. They read 1 − κ from
+`leaf_mean_share`. The group stores both only where they are needed.
 
 Branches are switched instead of multiplied by 0 or 1. At a = 0 and λ = 1 the output is the input, bit for bit and at no
 cost. The sums over all faces are evaluated only if leaves are pruned.
@@ -42,11 +45,14 @@ from ..versions import InputValue, get_modifier_input, has_modifier_input, set_m
 from .builder import Section
 from .laws import (
     BLOCK,
+    GOLDEN,
     HIDDEN_SHARE,
     LENGTH,
     LOD_DISTANCE,
     NEAREST,
     NEVER,
+    OWN_BILLBOARD,
+    PARENT,
     SHARE,
     TINY,
     CameraNodes,
@@ -67,7 +73,7 @@ from .laws import (
 
 GROUP_NAME = "Leafcloud LOD"
 _LAYOUT_KEY = "leafcloud_lod_layout"
-_LAYOUT = 6
+_LAYOUT = 7
 """Version stored in the group. Increase it when inputs or laws change: files baked earlier then keep their group."""
 
 
@@ -189,8 +195,8 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     section = Section(tree, "Distance d to the camera", (-2800.0, 0.0))
     distance = camera_distance(section, CameraNodes(section))
     drawn = _drawn(Section(tree, "Is the level drawn?", (-1500.0, 800.0)), distance)
-    section = Section(tree, "Hidden fraction h", (-1500.0, 1700.0))
-    fades, hidden = _hidden(section, distance)
+    section = Section(tree, "Hidden fractions i and o", (-1500.0, 1700.0))
+    fades, coming, going = _hidden(section, distance)
     transition = transition_share(Section(tree, "Transition a", (-1500.0, 0.0)), distance)
     kept_share = _keep(Section(tree, "Fraction of leaves kept λ", (-1500.0, -900.0)), distance)
     pulled = mean_share(Section(tree, "Fraction of the mean in colors 1 − κ", (-1500.0, -1700.0)), kept_share)
@@ -214,8 +220,10 @@ def _add_nodes(tree: bpy.types.NodeTree) -> None:
     pruned = section.switch("GEOMETRY", pulling, pruned, store, label="Store 1 − κ where κ < 1")
     pruning = section.compare(kept_share, "LESS_THAN", 1.0, label="λ < 1")
     level = section.switch("GEOMETRY", pruning, whole, pruned, label="Prune where λ < 1")
-    store = section.result("GeometryNodeStoreNamedAttribute", level, None, HIDDEN_SHARE, hidden, label="h", **stored)
-    level = section.switch("GEOMETRY", fades, level, store, label="Store h where the level fades")
+    lost, share = _faded(Section(tree, "Fading by billboards, or by materials", (0.0, 1700.0)), coming, going)
+    shown = section.result("GeometryNodeDeleteGeometry", level, lost, label="Delete", domain="POINT", mode="ALL")
+    store = section.result("GeometryNodeStoreNamedAttribute", shown, None, HIDDEN_SHARE, share, label="o − i", **stored)
+    level = section.switch("GEOMETRY", fades, level, store, label="Only where the level fades")
 
     section.node("NodeGroupOutput", section.switch("GEOMETRY", drawn, None, level, label="Nothing where not drawn"))
 
@@ -228,8 +236,8 @@ def _drawn(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSo
     return section.logic(near, "OR", section.group_input("Manual"), label="Drawn")
 
 
-def _hidden(section: Section, distance: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """Return whether the level fades, and h. With Manual it does not fade."""
+def _hidden(section: Section, distance: bpy.types.NodeSocket) -> tuple[bpy.types.NodeSocket, ...]:
+    """Return whether the level fades, i and o. With Manual it does not fade."""
 
     def share(first: bpy.types.NodeSocket, second: bpy.types.NodeSocket, over: bpy.types.NodeSocket) -> Any:
         span = section.math("MAXIMUM", over, TINY, label="Avoid division by 0")
@@ -238,9 +246,27 @@ def _hidden(section: Section, distance: bpy.types.NodeSocket) -> tuple[bpy.types
     fade_in_end, fade_out_start = (section.group_input(name) for name in ("Fade In End", "Fade Out Start"))
     coming = share(fade_in_end, distance, section.math("SUBTRACT", fade_in_end, section.group_input("Appear")))
     going = share(distance, fade_out_start, section.math("SUBTRACT", section.group_input("Vanish"), fade_out_start))
-    hidden = section.math("MAXIMUM", coming, going, label="h")
-    by_distance = section.compare(hidden, "GREATER_THAN", 0.0, label="h > 0")
-    return section.switch("BOOLEAN", section.group_input("Manual"), by_distance, False, label="By camera"), hidden
+    either = section.math("MAXIMUM", coming, going, label="Larger of i and o")
+    by_distance = section.compare(either, "GREATER_THAN", 0.0, label="Fades")
+    fades = section.switch("BOOLEAN", section.group_input("Manual"), by_distance, False, label="By camera")
+    return fades, coming, going
+
+
+def _faded(
+    section: Section, coming: bpy.types.NodeSocket, going: bpy.types.NodeSocket
+) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """Return whether a point's billboard is not drawn, and o − i for materials, 0 of levels that fade by billboards."""
+
+    def turn(number: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        return section.math("FRACT", section.math("MULTIPLY", number, GOLDEN), label="frac(n·φ)")
+
+    (parent, lies), (own, is_billboard) = (section.integer_attribute(name) for name in (PARENT, OWN_BILLBOARD))
+    left = section.logic(lies, "AND", section.compare(turn(parent), "LESS_THAN", going, label="Gone"))
+    come = section.math("SUBTRACT", 1.0, coming, label="1 − i")
+    ahead = section.logic(is_billboard, "AND", section.compare(turn(own), "GREATER_EQUAL", come, label="Not come"))
+    by_going = section.switch("FLOAT", lies, going, 0.0, label="o by materials")
+    by_coming = section.switch("FLOAT", is_billboard, coming, 0.0, label="i by materials")
+    return section.logic(left, "OR", ahead), section.math("SUBTRACT", by_going, by_coming, label="o − i")
 
 
 def _keep(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSocket:

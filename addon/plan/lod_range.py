@@ -14,7 +14,7 @@ START_SHARE = 0.5
 
 FADE, FADE_BEHIND_MORPH = 0.15, 0.08
 """Two levels cross-fade over this fraction of the distance at which the next one appears. After a morph only light and
-the edges of alpha are left to fade. Both levels are drawn there, so a fade is short."""
+the edges of alpha are left to fade. Engines draw both levels there, so a fade is short."""
 
 LEAST_STEP = 1.25
 """Minimum ratio of a level's switch distance to that of the level before."""
@@ -76,7 +76,7 @@ def lod_ranges(
     With `transitions` a level morphs to the next one, cross-fades with it, or both. A cloud morphs over all of its
     distances: it moves in proportion to the distance, so in no picture by more pixels than at the hand-over. After a
     morph alone the next level appears where the morph ends, else shortly before that. Without a morph it appears at its
-    switch distance. It fades in before this level fades out, so pixels that both levels cover never become transparent.
+    switch distance. It fades in while this level fades out.
     """
     result: list[LodRange] = []
     appear = whole = gone = switch_distances[0]
@@ -91,10 +91,10 @@ def lod_ranges(
             end=end if morphs else math.inf,
             vanish=hand_over + fade,
             fade_in_end=whole,
-            fade_out_start=hand_over + fade / 2.0,
+            fade_out_start=hand_over,
         )
         result.append(lod_range)
-        appear, whole, gone = hand_over, lod_range.fade_out_start, lod_range.vanish
+        appear, whole, gone = hand_over, lod_range.vanish, lod_range.vanish
     return tuple(result)
 
 

@@ -62,17 +62,9 @@ def look_at(level: LevelInputs, distance: float) -> Uniforms | None:
     if not level.appear <= distance < level.vanish:
         return None
     kept = _keep(distance, level.prune_start, level.prune_half)
-    # The preview fades over the whole range. The node groups fade in over its first half and out over its second.
-    going = (
-        _share(distance, 2.0 * level.fade_out_start - level.vanish, level.vanish)
-        if level.fade_out_start < level.vanish
-        else 0.0
-    )
-    come = (
-        _share(distance, level.appear, 2.0 * level.fade_in_end - level.appear)
-        if level.fade_in_end > level.appear
-        else 1.0
-    )
+    fades_out, fades_in = level.fade_out_start < level.vanish, level.fade_in_end > level.appear
+    going = _share(distance, level.fade_out_start, level.vanish) if fades_out else 0.0
+    come = _share(distance, level.appear, level.fade_in_end) if fades_in else 1.0
     return Uniforms(
         transition=(distance, level.start, level.end),
         keep=(distance, level.prune_start, level.prune_half),

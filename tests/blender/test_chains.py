@@ -235,7 +235,7 @@ def test_pruning_alone_ends_in_the_cross() -> None:
     assert [level.method for level in result.chain.levels] == ["cross"]
     leaves, cross = (level.object for level in result.levels)
     start, half = input_of(leaves, "Prune Start"), input_of(leaves, "Prune Half")
-    assert input_of(leaves, "Fade Out Start") == pytest.approx(input_of(cross, "Fade In End"))
+    assert input_of(leaves, "Fade Out Start") == pytest.approx(input_of(cross, "Appear"))
     assert leafcloud.keep(input_of(cross, "Appear"), start, half) <= CUT_OFF * (1.0 + 1e-6)
     size = leafcloud.switch_distance(0.1, 4.0, result.view.resolution, result.view.field_of_view)
     assert start == pytest.approx(size, rel=1e-5), "a leaf is 0.1 across"

@@ -13,7 +13,8 @@ from renders import render
 from scenes import add_mesh
 
 from addon.levels.fading import add_fade, fading_copy
-from addon.nodes.laws import HIDDEN_SHARE
+from addon.levels.morphs import add_point_attribute
+from addon.nodes.laws import HIDDEN_SHARE, OWN_BILLBOARD, PARENT
 from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
 
 pytestmark = pytest.mark.version
@@ -22,7 +23,7 @@ SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)
 
 
 def hidden(obj: bpy.types.Object) -> float | None:
-    """Return the hidden fraction that the nodes store, or None without one."""
+    """Return the share for materials that the nodes store, or None without one."""
     attribute = evaluate(obj).attributes.get(HIDDEN_SHARE)
     if attribute is None:
         return None
@@ -33,10 +34,10 @@ def hidden(obj: bpy.types.Object) -> float | None:
 
 @pytest.mark.parametrize(
     ("distance", "expected"),
-    [(4.0, 1.0), (4.5, 0.75), (5.0, 0.5), (6.0, None), (8.0, None), (9.0, 0.25), (10.0, 0.5), (11.5, 0.875)],
+    [(4.0, -1.0), (4.5, -0.75), (5.0, -0.5), (6.0, None), (8.0, None), (9.0, 0.25), (10.0, 0.5), (11.5, 0.875)],
 )
 def test_a_level_fades_in_and_out_by_distance(distance: float, expected: float | None) -> None:
-    """The level is visible from 4 to 12, and fully visible from 6 to 8."""
+    """The level is visible from 4 to 12, and fully visible from 6 to 8. While it fades in, its share is negative."""
     obj = place(build(FOUR))
     add_lod_modifier(obj, LodSettings(100.0, 200.0, appear=4.0, fade_in_end=6.0, fade_out_start=8.0, vanish=12.0))
     add_camera((0.0, 0.0, distance))
@@ -69,6 +70,31 @@ def test_a_level_under_manual_control_is_fully_visible() -> None:
     assert hidden(obj) is None
 
 
+@pytest.mark.parametrize("distance", [10.0, 10.01, 11.0, 12.5, 14.0, 14.99])
+def test_each_billboard_takes_the_place_of_its_leaves(distance: float) -> None:
+    """At every distance a billboard is drawn, or else its leaves; at both ends only one of the levels."""
+    count, fades = 64, {"start": 100.0, "end": 200.0}
+    leaves, cloud = (place(triangles(count, name)) for name in (PARENT, OWN_BILLBOARD))
+    add_lod_modifier(leaves, LodSettings(**fades, fade_out_start=10.0, vanish=15.0))
+    add_lod_modifier(cloud, LodSettings(**fades, appear=10.0, fade_in_end=15.0))
+    add_camera((0.0, 0.0, distance))
+    left, come = ({round(v.co.x) for v in evaluate(obj).vertices} for obj in (leaves, cloud))
+    assert left | come == set(range(count))
+    assert not left & come
+    assert len(come) == pytest.approx(count * (distance - 10.0) / 5.0, abs=2.0)
+    assert hidden(cloud) in (0.0, None)
+
+
+def triangles(count: int, name: str) -> bpy.types.Mesh:
+    """Return triangles at x = 0, 1, 2 …, with their number as the attribute `name`."""
+    numbers = np.repeat(np.arange(count), 3)
+    points = np.stack([numbers, 0.1 * (np.arange(3 * count) % 3), 0.1 * (np.arange(3 * count) % 3 == 1)], axis=1)
+    mesh = bpy.data.meshes.new("triangles")
+    mesh.from_pydata(points.tolist(), [], np.arange(3 * count).reshape(-1, 3).tolist())
+    add_point_attribute(mesh, name, "INT", numbers.astype(np.int32))
+    return mesh
+
+
 def shining() -> bpy.types.Material:
     """White, and opaque."""
     material, principled, _ = new_material()
@@ -79,14 +105,26 @@ def shining() -> bpy.types.Material:
     return material
 
 
-@pytest.mark.parametrize("share", [None, 0.0, 0.25, 1.0])
+@pytest.mark.parametrize("share", [None, 0.0, 0.25, 1.0, -0.25, -1.0])
 def test_materials_show_the_rest(share: float | None, tmp_path: Path) -> None:
-    copy = fading_copy(shining())
-    obj = add_mesh("square", SQUARE, [(0, 1, 2, 3)], materials=[copy])
+    fading_square(share)
+    mean = render(tmp_path, (0.0, 0.0, 2.0), width=1.0, size=(8, 8), samples=256).mean((0, 1))
+    np.testing.assert_allclose(mean, 1.0 - abs(share or 0.0), atol=0.03)
+
+
+def test_no_ray_passes_between_two_levels(tmp_path: Path) -> None:
+    """One fades out by a third, the other, behind it, has come by a third."""
+    for share, height in ((1.0 / 3.0, 0.1), (-2.0 / 3.0, 0.0)):
+        fading_square(share).location.z = height
+    seen = render(tmp_path, (0.0, 0.0, 2.0), width=1.0, size=(8, 8), samples=64)
+    np.testing.assert_allclose(seen, 1.0, atol=0.02)
+
+
+def fading_square(share: float | None) -> bpy.types.Object:
+    obj = add_mesh("square", SQUARE, [(0, 1, 2, 3)], materials=[fading_copy(shining())])
     if share is not None:
         store(obj.data, HIDDEN_SHARE, np.full(4, share, np.float32))
-    mean = render(tmp_path, (0.0, 0.0, 2.0), width=1.0, size=(4, 4), samples=256).mean((0, 1))
-    np.testing.assert_allclose(mean, 1.0 - (share or 0.0), atol=0.02)
+    return obj
 
 
 def test_a_copy_fades_and_the_artists_material_stays() -> None:

@@ -40,9 +40,8 @@ def test_a_level_is_drawn_between_appear_and_vanish() -> None:
 
 
 def test_levels_that_cross_fade_share_the_pixels() -> None:
-    """In the node group the next level fades in from 10 to 11.25, then the previous level fades out until 12.5."""
-    last = level(vanish=12.5, fade_out_start=11.25)
-    cross = level(appear=10.0, fade_in_end=11.25)
+    last = level(vanish=12.5, fade_out_start=10.0)
+    cross = level(appear=10.0, fade_in_end=12.5)
     for distance, share in ((10.5, 0.2), (11.25, 0.5), (12.0, 0.8)):
         going, coming = look_at(last, distance), look_at(cross, distance)
         assert going is not None

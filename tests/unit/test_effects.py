@@ -57,6 +57,7 @@ def test_auto_turns_on_the_effects_for_a_free_camera() -> None:
         "shadow_proxy": False,
         "leaf_map": False,
         "contrast": False,
+        "filtering": True,
         "wind": False,
         "baked_light": False,
     }
@@ -178,19 +179,19 @@ def test_an_unknown_effect_raises() -> None:
 
 
 def test_a_level_hands_over_shortly_before_its_transition_ends() -> None:
-    """Level 1 appears at a = 0.998. Its fade-in ends 4 % farther away. The leaves vanish 8 % farther away."""
+    """Level 1 appears at a = 0.998. It is there, and the leaves are gone, 8 % farther away."""
     leaves, first, *_ = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     assert (leaves.appear, leaves.start, leaves.end, leaves.fade_in_end) == (0.0, 5.0, 10.0, 0.0)
     assert (first.appear, first.start, first.end) == (pytest.approx(9.99), leaves.vanish, 40.0)
-    assert leaves.fade_out_start == first.fade_in_end == pytest.approx(1.04 * 9.99)
-    assert leaves.vanish == pytest.approx(1.08 * 9.99)
+    assert leaves.fade_out_start == first.appear
+    assert leaves.vanish == first.fade_in_end == pytest.approx(1.08 * 9.99)
 
 
-def test_the_cross_impostor_fades_in_before_the_last_cloud_fades_out() -> None:
+def test_the_cross_impostor_fades_in_while_the_last_cloud_fades_out() -> None:
     *_, second, cross = lod_ranges((0.0, 10.0, 40.0, 100.0), (FADE, BOTH, BOTH, FADE), transitions=True)
     assert (second.start, second.end) == (math.inf, math.inf)
-    assert (second.fade_out_start, second.vanish) == (pytest.approx(107.5), pytest.approx(115.0))
-    assert cross == LodRange(100.0, math.inf, math.inf, math.inf, pytest.approx(107.5), fade_out_start=math.inf)
+    assert (second.fade_out_start, second.vanish) == (100.0, pytest.approx(115.0))
+    assert cross == LodRange(100.0, math.inf, math.inf, math.inf, pytest.approx(115.0), fade_out_start=math.inf)
     assert [second.fades, cross.fades] == [True, True]
 
 
@@ -200,7 +201,7 @@ def test_a_trunk_switches_at_the_start_of_a_fade_and_fades_into_the_cross_impost
     assert [leaves.fades, first.fades, second.fades] == [False, False, True]
     assert (leaves.vanish, first.appear) == (ranges[1].appear, ranges[1].appear)
     assert (first.vanish, second.appear, second.fade_in_end) == (ranges[2].appear,) * 3
-    assert (second.fade_out_start, second.vanish) == (pytest.approx(107.5), pytest.approx(115.0))
+    assert (second.fade_out_start, second.vanish) == (100.0, pytest.approx(115.0))
 
 
 def test_simplified_leaves_take_over_without_a_fade() -> None:
@@ -209,7 +210,7 @@ def test_simplified_leaves_take_over_without_a_fade() -> None:
     assert (leaves.start, leaves.end, leaves.vanish, simplified.appear) == (5.0, 10.0, 10.0, 10.0)
     assert not leaves.fades
     assert (simplified.start, simplified.end, cloud.appear) == (10.0, 40.0, pytest.approx(39.94))
-    assert simplified.vanish > cloud.fade_in_end > cloud.appear
+    assert simplified.vanish == cloud.fade_in_end > cloud.appear == simplified.fade_out_start
 
 
 def test_few_trees_of_a_plantation_are_drawn_twice() -> None:
@@ -234,7 +235,7 @@ def test_a_transition_starts_after_the_previous_level_has_vanished() -> None:
 def test_a_coarser_level_never_takes_over_before_a_finer_one() -> None:
     assert rising((0.0, 10.0, 8.0, 20.0)) == (0.0, 10.0, 12.5, 20.0)
     leaves, first, second = lod_ranges(rising((0.0, 10.0, 8.0)), (FADE, BOTH, BOTH), transitions=True)
-    assert leaves.appear < first.appear < first.fade_in_end < leaves.vanish < second.appear <= 12.5
+    assert leaves.appear < first.appear < first.fade_in_end == leaves.vanish < second.appear <= 12.5
 
 
 def test_every_effect_is_a_file_with_a_tooltip() -> None:

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use leafcloud::limits;
 use leafcloud::metrics::{self, DrawingCost, View};
-use leafcloud::textures::Samples;
+use leafcloud::textures::{Samples, fill_below};
 use leafcloud::textures::image::write_png as core_write_png;
 use leafcloud::{gltf, prune, transition as laws};
 use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayLike1};
@@ -117,6 +117,21 @@ fn foliages(parts: &Bound<'_, PyAny>) -> PyResult<Vec<Arc<leafcloud::Foliage>>> 
 pub fn write_png(py: Python<'_>, path: PathBuf, image: &Bound<'_, PyAny>) -> PyResult<()> {
     let image = arrays::image(image)?;
     interruptible(py, move |_| core_write_png(&path, &image))
+}
+
+#[pyfunction]
+pub fn fill_transparent<'py>(
+    py: Python<'py>,
+    image: &Bound<'py, PyAny>,
+    cutoff: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let image = arrays::image(image)?;
+    let cutoff: f32 = read(cutoff, "cutoff", "a number between 0 and 1")?;
+    if !(0.0..=1.0).contains(&cutoff) {
+        return Err(refuse(format!("cutoff is {cutoff}; it must be between 0 and 1")));
+    }
+    let filled = interruptible(py, move |_| Ok(fill_below(&image, 255.0 * cutoff)))?;
+    arrays::image_array(py, &filled)
 }
 
 #[pyfunction]

@@ -37,6 +37,14 @@ pub fn fill_gaps(width: usize, pixels: &[Option<[u8; 4]>]) -> Image {
     Image::new(width, canvas.height, filled).expect("whole rows")
 }
 
+/// Returns the image with the colors around them in texels whose alpha is below `cutoff` (of 255). Alpha stays as it is.
+pub fn fill_below(image: &Image, cutoff: f32) -> Image {
+    let known: Vec<_> = image.pixels().iter().map(|pixel| (f32::from(pixel[3]) >= cutoff).then_some(*pixel)).collect();
+    let filled = fill_gaps(image.width(), &known);
+    let whole = filled.pixels().iter().zip(image.pixels()).map(|([r, g, b, _], own)| [*r, *g, *b, own[3]]);
+    Image::new(image.width(), image.height(), whole.collect::<Vec<_>>()).expect("the same size")
+}
+
 /// Returns the straight color of a pixel. Pixels without coverage hold it unweighted.
 fn straight(pixel: Vec4) -> Vec3 {
     if pixel.w > 0.0 { pixel.truncate() / pixel.w } else { pixel.truncate() }

@@ -24,6 +24,7 @@ use rayon::prelude::*;
 
 pub(crate) use bend::bent;
 pub use channels::Channel;
+pub use dilate::fill_below;
 pub(crate) use dilate::{fill_gaps, fill_transparent};
 pub(crate) use light_grid::{LightGrid, light};
 pub use page::{Channels, Page};

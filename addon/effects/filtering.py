@@ -1,0 +1,32 @@
+"""Filtering: in EEVEE leaves and billboards smaller than a texel keep their coverage and their color."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..plan.effect import Effect, Rule
+from ..plan.situation import Situation
+
+if TYPE_CHECKING:
+    import bpy
+
+    from ..levels.building import Build
+
+
+class FilteringEffect(Effect):
+    about = (
+        "In EEVEE show the share of a pixel that leaves cover, where a cutoff would dissolve them with the distance; leaf "
+        "colors go on under the transparent texels of a copy of the leaf textures. Wanted where EEVEE or the Material "
+        "Preview shows the tree. Costs memory for the copies"
+    )
+
+    def rule(self, situation: Situation) -> Rule:
+        return True, "EEVEE filters textures before it cuts them out, and would dissolve distant leaves"
+
+    def add_to_tree(self, collection: bpy.types.Collection, build: Build) -> None:
+        from ..levels.filtering import let_filter
+
+        let_filter(collection, build)
+
+
+EFFECT = FilteringEffect()
