@@ -241,6 +241,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     from addon.export.blend import clear_scene, make_self_contained
     from addon.export.files import write
     from addon.export.staging import Staging
+    from addon.scene.rendering import allow_bounces
     from addon.settings.flags import with_flags
 
     stages = _Stages(console)
@@ -256,6 +257,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     clear_scene(scene)
     tree_set = bake_tree_set(prepared, scene, name, stages)
     make_self_contained()
+    allow_bounces(scene)
     with _refusing(options.out):
         report = write(tree_set, options.out, stages, blend=True)
     console.warn([with_flags(warning) for warning in report["warnings"]])

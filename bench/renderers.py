@@ -1,11 +1,13 @@
 """Is a tree the same in every renderer, past all its hand-overs? `make bench-renderers`.
 
-usage: make bench-renderers ARGS='[--renderers cycles8,cycles64,eevee] [PLANT.glb …]'
+usage: make bench-renderers ARGS='[--renderers NAME,…] [--steps] [PLANT.glb …]'
+       (default: the trees of ../shared/foliage up to 10 MB, two shrubs with bent normals, and tufts of large cards)
 
-`bake.py` bakes each plant without settings. The written .blend is opened, with a sun in front of the tree or behind it
-and a sky, and the camera moves away past each hand-over. Each picture is compared with that of the leaves alone from
-the same place: the crown's mean light by channel, coverage, and contrast. Cycles takes random samples without filtering,
-so its pictures are small; those of EEVEE and Workbench have the pixels of a picture of 1080 rows.
+`bake.py` bakes each plant without settings. The written .blend is opened, with a sky and a sun in front of the tree or
+behind it, and the camera moves away past each hand-over. From each place two pictures are drawn: the tree as baked, and
+its leaves alone. Cycles takes random samples without filtering, so its pictures are small. Those of the other renderers
+have the pixels of a picture of 1,080 rows and 50°, and show the middle of larger crowns. Without plants it writes
+docs/bench/renderers.md. --steps: print each picture's figures.
 """
 
 from __future__ import annotations
@@ -17,161 +19,194 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
+from commits import measured_commit
 from fidelity import run
-from looks import encoded, contrast
 from mathutils import Vector
 from numpy.typing import NDArray
-from scene import all_plants
+from plants import UP, Plant, add_card, direction, random_of, save
 from sections import table
-from stage import ROOT, look_at, output_in
+from stage import DIRECTION, ROOT, light_up, look_at, measured_trees, output_in
 
+from addon.mesh.baked_levels import EXTRAS
 from addon.nodes.lod import GROUP_NAME, set_manual
 
+DOCUMENT = ROOT / "docs" / "bench" / "renderers.md"
 BAKED = ROOT / "target" / "renderers"
-DIRECTION = Vector((0.8, -0.55, 0.25)).normalized()
-SUNS = {"front": (0.6, 0.3, 0.0), "behind": (-1.0, 0.0, 0.97)}
+INPUTS = ROOT.parent / "shared" / "inputs"
 STEPS = (0.9, 0.97, 0.995, 1.02, 1.045, 1.07, 1.12, 1.2)
+"""Distances of the pictures, over that of a hand-over."""
 ROWS, FIELD_OF_VIEW = 1080.0, np.radians(50.0)
 MARGIN = 1.15
-TRACED = 160
-
-Picture = NDArray[np.float32]
+"""Side of a picture over the diameter of the leaves' sphere."""
+TRACED, LARGEST = 160, 192
+"""Side of Cycles' pictures, and the largest side of others, in pixels."""
+SUNS = {"front": (0.6, 0.3, 0.0), "behind": (-1.0, 0.0, 0.97)}
+"""Rotations of the sun."""
 
 
 @dataclass(frozen=True)
 class Renderer:
+    """A renderer and its settings. suns: those that it is measured under."""
+
     engine: str
     samples: int
-    bounces: int = 8
+    bounces: int | None = None
+    suns: tuple[str, ...] = ("front",)
+    shadows: bool = True
 
 
 RENDERERS = {
-    "cycles8": Renderer("CYCLES", 16, 8),
-    "cycles64": Renderer("CYCLES", 16, 64),
-    "eevee": Renderer("BLENDER_EEVEE_NEXT", 4),
-    "workbench": Renderer("BLENDER_WORKBENCH", 8),
+    "Cycles": Renderer("CYCLES", 16, suns=("front", "behind")),
+    "Cycles, 8 bounces": Renderer("CYCLES", 16, 8),
+    "EEVEE": Renderer("BLENDER_EEVEE_NEXT", 4),
+    "EEVEE, no shadows": Renderer("BLENDER_EEVEE_NEXT", 4, shadows=False),
+    "Workbench": Renderer("BLENDER_WORKBENCH", 8),
 }
 
+INTRODUCTION = """# Trees in Blender's renderers
 
-def light_up(turn: tuple[float, float, float]) -> bpy.types.Object:
+Made by `make bench-renderers` on {commit}: the .blend that a bake without settings writes, past each hand-over, over its
+leaves alone from the same place. *Cycles* has the transparent bounces of that .blend, 64; *8 bounces* are Blender's default.
+*EEVEE, no shadows* stands for the Material Preview. *Sun*: in front of the tree, or behind it. *Before*, *after*: mean
+light of the crown, red, green and blue, at 0.9 and 1.2 × the distance of the hand-over. *Step*: largest change of a color,
+and of the coverage, between two of eight pictures, beyond the leaves' own.
+
+"""
+
+
+def set_up(renderer: Renderer, sun: str) -> bpy.types.Object:
+    """Light the open scene for a renderer; return the camera."""
     scene = bpy.context.scene
+    bounces = scene.cycles.transparent_max_bounces
     for obj in [obj for obj in scene.objects if obj.type in ("LIGHT", "CAMERA")]:
         bpy.data.objects.remove(obj)
-    sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
-    sun.data.energy, sun.rotation_euler = 3.0, turn
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    for obj in (sun, camera):
-        scene.collection.objects.link(obj)
-    scene.camera = camera
-    scene.world = bpy.data.worlds.new("sky")
-    scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.5, 0.6, 0.8, 1.0)
-    scene.render.resolution_percentage = 100
-    scene.render.film_transparent = True
+    camera = light_up(TRACED, renderer.samples)
+    light = scene.objects["sun"]
+    light.rotation_euler, light.data.use_shadow = SUNS[sun], renderer.shadows
+    scene.render.engine, scene.render.film_transparent = renderer.engine, True
+    scene.cycles.transparent_max_bounces = renderer.bounces or bounces
+    scene.eevee.taa_render_samples = renderer.samples
+    scene.display.shading.light, scene.display.shading.color_type = "FLAT", "TEXTURE"
     image = scene.render.image_settings
     image.file_format, image.color_mode, image.color_depth, image.exr_codec = "OPEN_EXR", "RGBA", "16", "NONE"
     return camera
 
 
-def set_renderer(renderer: Renderer) -> None:
-    scene = bpy.context.scene
-    scene.render.engine = renderer.engine
-    if renderer.engine == "CYCLES":
-        scene.cycles.device, scene.cycles.samples = "CPU", renderer.samples
-        scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-        scene.cycles.transparent_max_bounces = renderer.bounces
-    elif renderer.engine == "BLENDER_WORKBENCH":
-        scene.display.shading.light, scene.display.shading.color_type = "FLAT", "TEXTURE"
-    else:
-        scene.eevee.taa_render_samples = renderer.samples
-
-
 def leaves_alone() -> None:
     """Show the leaves and their trunk at any distance."""
-    for obj in bpy.context.scene.objects:
-        if obj.type != "MESH":
-            continue
+    for obj in (obj for obj in bpy.context.scene.objects if obj.type == "MESH"):
         obj.hide_render = "_LOD0" not in obj.name
-        if not obj.hide_render:
-            for modifier in obj.modifiers:
-                if modifier.type == "NODES" and modifier.node_group.name.startswith(GROUP_NAME):
-                    set_manual(modifier, transition=0.0, keep=1.0)
+        for modifier in obj.modifiers:
+            if modifier.type == "NODES" and modifier.node_group.name.startswith(GROUP_NAME):
+                set_manual(modifier, transition=0.0, keep=1.0)
 
 
-def pictured(renderer: Renderer, camera: bpy.types.Object, centre: Vector, radius: float, away: float) -> Picture:
-    scene = bpy.context.scene
-    crown = radius / (np.tan(FIELD_OF_VIEW / 2.0) * away) * ROWS
-    side = TRACED if renderer.engine == "CYCLES" else max(16, round(crown * MARGIN))
-    scene.render.resolution_x = scene.render.resolution_y = side
-    camera.data.angle = 2.0 * np.arctan(radius * MARGIN / away)
-    look_at(camera, centre, centre + DIRECTION * away)
-    bpy.context.view_layer.update()
+def picture(renderer: Renderer, camera: bpy.types.Object, centre: Vector, reach: float) -> NDArray[np.float32]:
+    """Return the picture of a crown whose radius is `reach` of the distance: linear light, premultiplied."""
+    render = bpy.context.scene.render
+    whole = round(MARGIN * ROWS * reach / np.tan(FIELD_OF_VIEW / 2.0))
+    side = TRACED if renderer.engine == "CYCLES" else min(max(whole, 16), LARGEST)
+    shown = 1.0 if renderer.engine == "CYCLES" else side / max(whole, 16)
+    render.resolution_x = render.resolution_y = side
+    camera.data.angle = 2.0 * np.arctan(MARGIN * reach * shown)
     with tempfile.TemporaryDirectory() as folder:
-        path = str(Path(folder) / "view.exr")
-        scene.render.filepath = path
+        render.filepath = str(Path(folder) / "view.exr")
         with output_in(Path(os.devnull)):
             bpy.ops.render.render(write_still=True)
-        image = bpy.data.images.load(path)
+        image = bpy.data.images.load(render.filepath)
         light = np.empty(side * side * 4, np.float32)
         image.pixels.foreach_get(light)
         bpy.data.images.remove(image)
-    return light.reshape(side, side, 4)[::-1]
+    return light.reshape(side, side, 4)
 
 
-def figures(picture: Picture) -> NDArray[np.float64]:
+def figures(light: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the crown's mean light by channel, and its coverage as a share of the picture."""
-    alpha = float(picture[..., 3].sum())
-    return np.array([*(picture[..., :3].sum((0, 1)) / max(alpha, 1e-9)), alpha / picture[..., 3].size], np.float64)
+    covered = float(light[..., 3].sum())
+    return np.array([*(light[..., :3].sum((0, 1)) / max(covered, 1e-9)), covered / light[..., 3].size], np.float64)
 
 
-def flight(report: dict, only: int | None) -> Iterator[tuple[str, float]]:
-    for level in report["levels"][1:]:
-        if only is None or level["level"] == only:
-            for step in STEPS:
-                yield f"{level['level'] - 1}→{level['level']}", step * level["switch_distance"]
-
-
-def opened(plant: str, sun: str) -> bpy.types.Object:
+def flown(plant: str, renderer: Renderer, sun: str, *, alone: bool) -> dict[float, NDArray[np.float64]]:
+    """Return the figures at each distance of the flight. alone: of the leaves without other levels."""
     bpy.ops.wm.open_mainfile(filepath=str(BAKED / plant / f"{plant}.blend"))
-    return light_up(SUNS[sun])
+    camera = set_up(renderer, sun)
+    leaves = bpy.data.objects[f"{plant}_LOD0"]
+    x, y, z = leaves[EXTRAS]["centre"]
+    centre, radius = (
+        leaves.matrix_world @ Vector((x, -z, y)),
+        leaves[EXTRAS]["radius"] * leaves.matrix_world.median_scale,
+    )
+    if alone:
+        leaves_alone()
+    found = {}
+    for away in (step * distance for distance in hand_overs(plant, renderer).values() for step in STEPS):
+        look_at(camera, centre, centre + DIRECTION * away)
+        bpy.context.view_layer.update()
+        found[away] = figures(picture(renderer, camera, centre, radius / away))
+    return found
+
+
+def hand_overs(plant: str, renderer: Renderer) -> dict[int, float]:
+    """Return the distance from which each level is drawn. EEVEE compiles octahedral impostors for minutes."""
+    report: dict[str, Any] = json.loads((BAKED / plant / "report.json").read_text())
+    found = (level for level in report["levels"][1:] if renderer.engine == "CYCLES" or level["method"] != "octahedral")
+    return {level["level"]: level["switch_distance"] for level in found}
+
+
+def rows_of(plant: str, name: str, *, tells_steps: bool) -> Iterator[list[str]]:
+    """Yield a row for each sun and hand-over."""
+    for sun in RENDERERS[name].suns:
+        tree, leaves = (flown(plant, RENDERERS[name], sun, alone=alone) for alone in (False, True))
+        for number, distance in hand_overs(plant, RENDERERS[name]).items():
+            ratios = [tree[step * distance] / leaves[step * distance] for step in STEPS]
+            if tells_steps:
+                for step, ratio in zip(STEPS, ratios, strict=True):
+                    print(plant, name, sun, number, f"{step:.3f}", ratio.round(3), leaves[step * distance].round(3))
+            steps = np.max([np.abs(after / before - 1.0) for before, after in pairwise(ratios)], axis=0)
+            before, after = (" ".join(f"{each:.2f}" for each in ratio[:3]) for ratio in (ratios[0], ratios[-1]))
+            yield [
+                *(plant, name, sun, f"{number - 1} → {number}", before, after),
+                *(f"{100.0 * steps[:3].max():.1f} %", f"{100.0 * steps[3]:.1f} %"),
+            ]
+
+
+def tufts(folder: Path) -> Path:
+    """Write a crown of 50 tufts of five large cards, whose normals all point upward; return the file."""
+    random, plant = random_of("tufts", 1), Plant((0.22, 0.4, 0.14), cards=True, upward=True)
+    for _ in range(50):
+        outward = direction(random)
+        place = outward * 3.0 * random.uniform() ** 0.33 + 5.0 * UP
+        for _ in range(5):
+            along = outward + 0.5 * random.normal(size=3)
+            add_card(plant.leaves, place + 0.1 * random.normal(size=3), along, direction(random), 2.0, 1.2)
+    return save(plant, "tufts", folder)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("plants", nargs="*", type=Path)
-    parser.add_argument("--renderers", default="cycles8,cycles64,eevee")
-    parser.add_argument("--suns", default="front,behind")
-    parser.add_argument("--level", type=int)
-    parser.add_argument("--kept", action="store_true")
+    parser = argparse.ArgumentParser(description="Compare baked trees with their leaves in Blender's renderers.")
+    parser.add_argument("plants", nargs="*", type=Path, help="GLB files")
+    parser.add_argument(
+        "--renderers", default=";".join(RENDERERS), help="names, separated by semicolons (default: all)"
+    )
+    parser.add_argument("--steps", action="store_true", help="print each picture's figures")
     given = parser.parse_args()
-    for plant in given.plants or all_plants(BAKED):
-        name = plant.stem
-        if not given.kept or not (BAKED / name).exists():
-            run(sys.executable, ROOT / "bake.py", "--input", plant, "--out", BAKED / name)
-        report = json.loads((BAKED / name / "report.json").read_text())
-        for sun in given.suns.split(","):
-            for called in given.renderers.split(","):
-                renderer, found = RENDERERS[called], {}
-                for leaves in (False, True):
-                    camera = opened(name, sun)
-                    set_renderer(renderer)
-                    root = next(obj for obj in bpy.context.scene.objects if obj.name == f"{name}_LOD0")
-                    extras = root["leafcloud"]
-                    x, y, z = extras["centre"]
-                    centre = root.matrix_world @ Vector((x, -z, y))
-                    radius = extras["radius"] * root.matrix_world.median_scale
-                    if leaves:
-                        leaves_alone()
-                    for hand_over, away in flight(report, given.level):
-                        found[leaves, hand_over, away] = pictured(renderer, camera, centre, radius, away)
-                for hand_over, away in flight(report, given.level):
-                    a, b = found[True, hand_over, away], found[False, hand_over, away]
-                    ratio = figures(b) / figures(a)
-                    print(name, sun, called, hand_over, f"{away / radius:6.1f} R", " ".join(f"{each:.3f}" for each in ratio), "leaves", " ".join(f"{each:.3f}" for each in figures(a)), flush=True)
+    shrubs = [INPUTS / "up_normals.glb", INPUTS / "bent_normals.glb"]
+    rows = []
+    for plant in given.plants or [*measured_trees(), *shrubs, tufts(BAKED)]:
+        run(sys.executable, ROOT / "bake.py", "--input", plant, "--out", BAKED / plant.stem)
+        for name in given.renderers.split(";"):
+            for row in rows_of(plant.stem, name, tells_steps=given.steps):
+                rows.append(row)
+                print(*row, flush=True)
+    text = table(("plant", "renderer", "sun", "hand-over", "before", "after", "step, color", "step, coverage"), rows)
+    if not given.plants:
+        DOCUMENT.write_text(INTRODUCTION.format(commit=measured_commit()) + text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -46,7 +46,8 @@ class TransitionsEffect(Effect):
 
         if fades_by_material(obj.data, lod_range):
             number = level_number(obj)
-            let_fade(obj, is_cloud=number is not None and number >= build.first_cloud)
+            is_cloud = number is not None and number >= build.first_cloud
+            let_fade(obj, is_cloud=is_cloud, to_cross=build.chain.levels[-1].method == "cross")
 
 
 EFFECT = TransitionsEffect()

@@ -2,20 +2,22 @@
 
 EEVEE averages texels in mip levels and cuts out after that: of leaves that cover less than half of a pixel nothing is
 left, and the colors under transparent texels, often white, are mixed in. So its output gets the alpha as it is, which
-EEVEE dithers, and leaf materials get a copy of their texture whose transparent texels have the colors around them.
-Cycles does not filter; it and exporters keep the cutoff.
+EEVEE dithers, and leaf materials a copy of their texture whose transparent texels have the colors around them. Cycles
+does not filter; it and exporters keep the cutoff and the texture.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 import bpy
 
 import leafcloud
 
 from ..material.images import pixels_of
-from ..material.node_links import Port, follow
+from ..material.node_links import follow
 from ..material.surface import cut, principled_of, read_surface
 from ..mesh.baked_levels import level_number
 from ..nodes.builder import Section
@@ -23,9 +25,17 @@ from .building import Build
 from .fading import output_for
 from .material import atlas_image
 
-_COPIED = {"BSDF_PRINCIPLED", "BSDF_TRANSLUCENT", "BSDF_TRANSPARENT", "MIX_SHADER", "ADD_SHADER", "MATH", "REROUTE"}
+_COPIED = {
+    *("BSDF_PRINCIPLED", "BSDF_TRANSLUCENT", "BSDF_TRANSPARENT", "MIX_SHADER", "ADD_SHADER"),
+    *("MATH", "MIX", "REROUTE", "TEX_IMAGE"),
+}
 """Types of nodes that may lie between a cutoff and the output."""
-_OPTIONS = ("operation", "use_clamp", "distribution", "subsurface_method")
+_OPTIONS = (
+    *("operation", "use_clamp", "distribution", "subsurface_method", "data_type", "blend_type", "clamp_factor"),
+    *("clamp_result", "image", "interpolation", "extension", "projection"),
+)
+
+_Node: TypeAlias = bpy.types.Node
 
 
 def let_filter(collection: bpy.types.Collection, build: Build) -> None:
@@ -42,17 +52,18 @@ def let_filter(collection: bpy.types.Collection, build: Build) -> None:
             if material is None or material.node_tree is None or _cutoff(material) is None:
                 continue
             if own:
-                _without_cutoff(material)
+                _show_shares(material, None)
                 continue
             if material not in copies:
                 copies[material] = material.copy()
                 copies[material].name = f"{material.name}_filtered"
-                build.costs.add_bytes("filtering", _fill(copies[material]))
-                _without_cutoff(copies[material])
+                filled = _filled(material)
+                build.costs.add_bytes("filtering", 4 * math.prod(filled.size) if filled is not None else 0)
+                _show_shares(copies[material], filled)
             slot.link, slot.material = "OBJECT", copies[material]
 
 
-def _cutoff(material: bpy.types.Material) -> tuple[bpy.types.Node, bpy.types.NodeSocket, float] | None:
+def _cutoff(material: bpy.types.Material) -> tuple[_Node, bpy.types.NodeSocket, float] | None:
     """Return the node that cuts out, the alpha before it and its cutoff; None if there is none that can be passed."""
     principled = principled_of(material)
     if principled is None or principled.groups:
@@ -64,27 +75,42 @@ def _cutoff(material: bpy.types.Material) -> tuple[bpy.types.Node, bpy.types.Nod
     return follow(alpha).node, follow(before).socket, cutoff
 
 
-def _without_cutoff(material: bpy.types.Material) -> None:
-    """Give EEVEE an output of its own, for which all nodes behind the cutoff are copied."""
+def _filled(material: bpy.types.Material) -> bpy.types.Image | None:
+    """Return a copy of a leaf texture with colors under its transparent texels; None without transparent texels."""
+    surface = read_surface(material)
+    color, alpha = surface.color_texture, surface.alpha_texture
+    if color is None or alpha is None or color.image != alpha.image or surface.alpha_channel != "alpha":
+        return None
+    name = f"{color.image.name}_filled"
+    pixels = pixels_of(color.image, material.name)
+    return bpy.data.images.get(name) or atlas_image(name, leafcloud.fill_transparent(pixels, surface.alpha_cutoff))
+
+
+def _show_shares(material: bpy.types.Material, filled: bpy.types.Image | None) -> None:
+    """Give EEVEE an output of its own, for which the nodes behind the cutoff, and those behind a texture that is
+    replaced by `filled`, are copied. Materials with other nodes there stay as they are."""
     found = _cutoff(material)
-    assert found is not None
+    assert found is not None, "only materials that are cut out"
     step, alpha, cutoff = found
     tree = material.node_tree
-    everywhere = tree.get_output_node("ALL")
-    output = output_for(tree, "EEVEE")
-    between = _between(step, output)
+    everywhere, output = tree.get_output_node("ALL"), output_for(tree, "EEVEE")
+    textures = [] if filled is None else [node for node in tree.nodes if _shows(node, alpha.node.image)]
+    between = _between([step, *textures], output) - {step}
     if any(node.type not in _COPIED for node in between):
         return
     section = Section(tree, "EEVEE: the share of a pixel", (step.location.x, step.location.y + 1400.0))
+    copies = {node: _copied(section, node) for node in tree.nodes if node in between}
+    for texture in between & set(textures):
+        copies[texture].image = filled
     # Half a texel's alpha stays at half of the pixel, whatever the cutoff.
     bent = math.log(0.5) / math.log(cutoff)
+    alpha = copies[alpha.node].outputs["Alpha"] if alpha.node in copies else alpha
     share = alpha if abs(bent - 1.0) < 1e-3 else section.math("POWER", alpha, bent, label="Cutoff at ½")
-    copies = {node: _copied(section, node) for node in between}
-    for link in [link for link in tree.links if link.to_node in copies or link.to_node == output]:
+    for link in [link for link in tree.links if link.to_node in between or link.to_node == output]:
         source = link.from_socket
         if link.from_node == step:
             source = share
-        elif link.from_node in copies:
+        elif link.from_node in between:
             source = copies[link.from_node].outputs[list(link.from_node.outputs).index(source)]
         elif link.to_node == output:
             continue
@@ -94,19 +120,22 @@ def _without_cutoff(material: bpy.types.Material) -> None:
         everywhere.is_active_output = True
 
 
-def _between(step: bpy.types.Node, output: bpy.types.Node) -> list[bpy.types.Node]:
-    """Return the nodes on all ways from a node to an output, without both."""
-    tree = step.id_data
-    behind, ahead = _reached(tree, step, forward=True), _reached(tree, output, forward=False)
-    return [node for node in tree.nodes if node in behind and node in ahead and node not in (step, output)]
+def _shows(node: _Node, image: bpy.types.Image) -> bool:
+    return bool(node.type == "TEX_IMAGE" and node.image == image)
 
 
-def _reached(tree: bpy.types.NodeTree, start: bpy.types.Node, *, forward: bool) -> set[bpy.types.Node]:
-    ways: dict[bpy.types.Node, list[bpy.types.Node]] = {}
-    for link in tree.links:
-        first, second = (link.from_node, link.to_node) if forward else (link.to_node, link.from_node)
+def _between(starts: Sequence[_Node], output: _Node) -> set[_Node]:
+    """Return the nodes on all ways from nodes to an output, with the first but without the output."""
+    ahead = _reached([output], lambda link: (link.to_node, link.from_node))
+    return _reached(starts, lambda link: (link.from_node, link.to_node)) & ahead - {output}
+
+
+def _reached(starts: Sequence[_Node], ends: Callable[[bpy.types.NodeLink], tuple[_Node, _Node]]) -> set[_Node]:
+    """Return the nodes that can be reached over links, each from its first to its second end."""
+    ways: dict[_Node, list[_Node]] = {}
+    for first, second in map(ends, starts[0].id_data.links):
         ways.setdefault(first, []).append(second)
-    found, waiting = {start}, [start]
+    found, waiting = set(starts), list(starts)
     while waiting:
         new = set(ways.get(waiting.pop(), [])) - found
         found |= new
@@ -114,28 +143,10 @@ def _reached(tree: bpy.types.NodeTree, start: bpy.types.Node, *, forward: bool) 
     return found
 
 
-def _copied(section: Section, node: bpy.types.Node) -> bpy.types.Node:
+def _copied(section: Section, node: _Node) -> _Node:
     options = {name: getattr(node, name) for name in _OPTIONS if hasattr(node, name)}
     copy = section.node(node.bl_idname, label=node.label, **options)
     for own, other in zip(node.inputs, copy.inputs, strict=True):
         if hasattr(own, "default_value"):
             other.default_value = own.default_value
     return copy
-
-
-def _fill(material: bpy.types.Material) -> int:
-    """Replace a leaf texture by a copy with colors under its transparent texels. Return the copy's bytes."""
-    surface = read_surface(material)
-    color, alpha = surface.color_texture, surface.alpha_texture
-    if color is None or alpha is None or color.image != alpha.image or surface.alpha_channel != "alpha":
-        return 0
-    own = color.image
-    name = f"{own.name}_filled"
-    filled = bpy.data.images.get(name)
-    if filled is None:
-        pixels = pixels_of(own, material.name)
-        filled = atlas_image(name, leafcloud.fill_transparent(pixels, surface.alpha_cutoff))
-    for node in material.node_tree.nodes:
-        if node.type == "TEX_IMAGE" and node.image == own:
-            node.image = filled
-    return 4 * filled.size[0] * filled.size[1]

@@ -28,7 +28,14 @@ from ..plan.pruning import halvings
 from .building import BuiltLevel
 from .rollback import removed_on_failure
 
-_LIVE_ATTRIBUTES = ("leaf_rank", "leaf_target", "leaf_pivot_target", "leaf_billboard", "leaf_billboard_pivot", "own_billboard")
+_LIVE_ATTRIBUTES = (
+    "leaf_rank",
+    "leaf_target",
+    "leaf_pivot_target",
+    "leaf_billboard",
+    "leaf_billboard_pivot",
+    "own_billboard",
+)
 """Attributes for morphs and live pruning. Variants have neither."""
 _WIND_ATTRIBUTES = ("leaf_pivot", "leaf_phase", "leaf_flutter")
 """Attributes that a variant keeps if there is wind."""
@@ -108,11 +115,14 @@ def _add_variant(variants: bpy.types.Collection, level: BuiltLevel, mesh: bpy.ty
     name = f"{variants.name}_{len(variants.children):02d}"
     variant = bpy.data.collections.new(name)
     variants.children.link(variant)
-    members = {name: mesh}
+    members = {name: (mesh, level.object)}
     if level.trunk is not None:
-        members[f"{name}_trunk"] = level.trunk.data
-    for member, data in members.items():
+        members[f"{name}_trunk"] = (level.trunk.data, level.trunk)
+    for member, (data, own) in members.items():
         obj = bpy.data.objects.new(member, data)
+        for slot, of_level in zip(obj.material_slots, own.material_slots, strict=True):
+            if of_level.link == "OBJECT":
+                slot.link, slot.material = "OBJECT", of_level.material
         obj.matrix_basis = turn.to_4x4()
         variant.objects.link(obj)
         if level.two_sided is not None and data is mesh:

@@ -33,6 +33,7 @@ from .place import (
 from .preferences import LeafcloudPreferences
 from .presets import LEAFCLOUD_OT_preset_add, LEAFCLOUD_PT_presets, register_presets, unregister_presets
 from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, show_nothing
+from .rendering import LEAFCLOUD_OT_mend_rendering
 from .sample import LEAFCLOUD_OT_sample
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
 from .selected_tree import forget_selection
@@ -51,7 +52,7 @@ _CLASSES = (
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     LEAFCLOUD_OT_export_forest,
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
-    *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_cancel),
+    *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_mend_rendering, LEAFCLOUD_OT_cancel),
     *(LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files, LEAFCLOUD_OT_select_tree),
     *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
     *(LeafcloudPreferences, LEAFCLOUD_MT_object, LEAFCLOUD_OT_sample, LEAFCLOUD_OT_import_folder),

@@ -17,6 +17,7 @@ from ..mesh.baked_levels import level_number, record
 from ..nodes.laws import LOD_DISTANCE
 from .job_operator import refuse
 from .on_tree import OnTree, active_tree
+from .rendering import draw_faults
 from .viewport import draw_new_levels, stop_preview
 from .wrapped import add_text
 
@@ -129,6 +130,7 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
         column.operator("leafcloud.select_billboard")
         for warning in warnings_of(tree):
             add_text(layout, context, warning, "ERROR")
+        draw_faults(layout, context, tree)
         objects = {level_number(obj): obj for obj in tree.all_objects}
         for number, result in enumerate(results_of(tree)):
             row = layout.split(factor=_PICTURE)

@@ -389,9 +389,7 @@ def test_the_node_group_gets_distances_in_the_objects_own_units() -> None:
     assert get_modifier_input(leaf, "Vanish") == pytest.approx(1.08 * get_modifier_input(cloud, "Appear"))
     assert get_modifier_input(leaf, "Prune Start") == pytest.approx(get_modifier_input(leaf, "Vanish"))
     assert get_modifier_input(cross, "Appear") == pytest.approx(50.0)
-    assert (
-        get_modifier_input(cross, "Appear") == get_modifier_input(last, "Fade Out Start") == pytest.approx(50.0)
-    )
+    assert get_modifier_input(cross, "Appear") == get_modifier_input(last, "Fade Out Start") == pytest.approx(50.0)
     assert get_modifier_input(last, "Vanish") == get_modifier_input(cross, "Fade In End") == pytest.approx(57.5)
     assert get_modifier_input(cross, "Vanish") > 1e8
     trunk = levels[1].trunk.modifiers[0]

@@ -120,8 +120,18 @@ def test_no_ray_passes_between_two_levels(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen, 1.0, atol=0.02)
 
 
-def fading_square(share: float | None) -> bpy.types.Object:
-    obj = add_mesh("square", SQUARE, [(0, 1, 2, 3)], materials=[fading_copy(shining())])
+@pytest.mark.parametrize(("share", "seen"), [(0.4, 1.0), (0.6, 0.0), (-0.6, 0.0), (-0.4, 1.0)])
+def test_the_cross_impostor_replaces_its_level_in_the_middle_in_cycles(
+    share: float, seen: float, tmp_path: Path
+) -> None:
+    fading_square(share, to_cross=True)
+    mean = render(tmp_path, (0.0, 0.0, 2.0), width=1.0, size=(4, 4), samples=4).mean((0, 1))
+    np.testing.assert_allclose(mean, seen, atol=1e-3)
+
+
+def fading_square(share: float | None, *, to_cross: bool = False) -> bpy.types.Object:
+    copy = fading_copy(shining(), to_cross=to_cross)
+    obj = add_mesh("square", SQUARE, [(0, 1, 2, 3)], materials=[copy])
     if share is not None:
         store(obj.data, HIDDEN_SHARE, np.full(4, share, np.float32))
     return obj

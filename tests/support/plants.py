@@ -43,10 +43,14 @@ class Surface:
 
 @dataclass
 class Plant:
-    """Leaves and stem. color: of the leaves, sRGB. cards: whether the leaves are cut out of a texture."""
+    """Leaves and stem. color: of the leaves, sRGB. cards: whether the leaves are cut out of a texture.
+
+    upward: whether the leaves' normals point upward, as artists bend them for soft light.
+    """
 
     color: tuple[float, float, float]
     cards: bool
+    upward: bool = False
     leaves: Surface = field(default_factory=Surface)
     stem: Surface = field(default_factory=Surface)
 
@@ -314,14 +318,16 @@ def material(name: str, color: Sequence[float], *, cut_out: bool) -> bpy.types.M
     return made
 
 
-def add_object(name: str, surface: Surface, made: bpy.types.Material) -> None:
-    """Add a surface to the open scene."""
+def add_object(name: str, surface: Surface, made: bpy.types.Material, *, upward: bool = False) -> None:
+    """Add a surface to the open scene. upward: all its normals point upward."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(np.vstack(surface.positions).tolist(), [], surface.faces)
     corners = np.array([corner for face in surface.faces for corner in face])
     layer = mesh.uv_layers.new(name="UVMap")
     layer.data.foreach_set("uv", np.vstack(surface.uvs)[corners].astype(np.float32).ravel())
     mesh.materials.append(made)
+    if upward:
+        mesh.normals_split_custom_set_from_vertices([UP.tolist()] * len(mesh.vertices))
     bpy.context.scene.collection.objects.link(bpy.data.objects.new(name, mesh))
 
 
@@ -338,7 +344,7 @@ def random_of(name: str, seed: int) -> np.random.Generator:
 def save(plant: Plant, name: str, folder: Path) -> Path:
     """Write a plant into a file with this name in a folder; the open scene is lost. Return the file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    add_object("leaves", plant.leaves, material("leaf", plant.color, cut_out=plant.cards))
+    add_object("leaves", plant.leaves, material("leaf", plant.color, cut_out=plant.cards), upward=plant.upward)
     if plant.stem.faces:
         add_object("stem", plant.stem, material("bark", (0.35, 0.25, 0.18), cut_out=False))
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,66 @@
+"""Settings with which a renderer shows plants wrongly: what is wrong in a line, and how to mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import bpy
+from mathutils import Vector
+
+BOUNCES = 64
+"""Transparent bounces that show crowns as without a limit. Over eight plants 8 darken leaf cards by up to a quarter, 32 by
+half a percent (docs/decisions/renderers.md)."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A setting that shows a plant wrongly: the text for artists, and the function that mends it."""
+
+    text: str
+    mend: Callable[[], None]
+
+
+def faults(
+    scene: bpy.types.Scene, place: Vector, radius: float, materials: Sequence[bpy.types.Material | None]
+) -> list[Fault]:
+    """Return the faults of a scene for a plant: its center and radius in world units, and its materials."""
+    found = [_bounces(scene), _clip_end(scene.camera, place, radius), *map(_shadows, dict.fromkeys(materials))]
+    return [fault for fault in found if fault is not None]
+
+
+def allow_bounces(scene: bpy.types.Scene) -> None:
+    """Let rays of Cycles pass the layers of leaves and of billboards, in scenes that Cycles has settings for."""
+    if hasattr(scene, "cycles"):
+        scene.cycles.transparent_max_bounces = max(scene.cycles.transparent_max_bounces, BOUNCES)
+
+
+def _bounces(scene: bpy.types.Scene) -> Fault | None:
+    if scene.render.engine != "CYCLES" or scene.cycles.transparent_max_bounces >= BOUNCES:
+        return None
+    limit = scene.cycles.transparent_max_bounces
+    text = f"Light Paths › Transparent is {limit}: leaves turn dark behind {limit} layers. {BOUNCES} is enough"
+    return Fault(text, lambda: allow_bounces(scene))
+
+
+def _clip_end(camera: bpy.types.Object | None, place: Vector, radius: float) -> Fault | None:
+    if camera is None or camera.type != "CAMERA":
+        return None
+    farthest = (camera.matrix_world.translation - place).length + radius
+    if camera.data.clip_end >= farthest:
+        return None
+
+    def mend() -> None:
+        camera.data.clip_end = 2.0 * farthest
+
+    return Fault(f"The camera's Clip End is {camera.data.clip_end:,.0f}, the tree ends at {farthest:,.0f}", mend)
+
+
+def _shadows(material: bpy.types.Material | None) -> Fault | None:
+    if material is None or getattr(material, "use_transparent_shadow", True):
+        return None
+
+    def mend() -> None:
+        material.use_transparent_shadow = True
+
+    return Fault(f"Transparent Shadows is off in {material.name}: its leaves cast the shadows of whole cards", mend)

@@ -1,0 +1,129 @@
+"""Materials that EEVEE filters: the share of a pixel in place of the cutoff, and colors under transparent texels."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from node_trees import new_material
+from scenes import add_mesh
+
+from addon.effects.filtering import EFFECT
+from addon.levels.building import Costs
+from addon.levels.material import Page, atlas_image, atlas_material
+from addon.mesh.baked_levels import EXTRAS
+
+pytestmark = pytest.mark.version
+
+SQUARE = [(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)]
+GREEN, WHITE = (10, 200, 30), (255, 255, 255)
+
+
+def picture() -> bpy.types.Image:
+    """A green left half, and white under the transparent right half."""
+    pixels = np.zeros((8, 8, 4), np.uint8)
+    pixels[:, :4], pixels[:, 4:] = (*GREEN, 255), (*WHITE, 0)
+    return atlas_image("leaf", pixels)
+
+
+def cut_out(operation: str, cutoff: float) -> bpy.types.Material:
+    """A leaf material with a cutoff, as artists make it or as the glTF importer does."""
+    material, principled, tree = new_material()
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = picture()
+    step = tree.nodes.new("ShaderNodeMath")
+    step.operation, step.inputs[1].default_value = operation, cutoff
+    tree.links.new(texture.outputs["Color"], principled.inputs["Base Color"])
+    tree.links.new(texture.outputs["Alpha"], step.inputs[0])
+    tree.links.new(step.outputs[0], principled.inputs["Alpha"])
+    return material
+
+
+def filtered(material: bpy.types.Material, level: int) -> tuple[bpy.types.Object, Costs]:
+    """Return a level with the material after the effect. Levels from 1 on are clouds."""
+    obj = add_mesh("tree_LOD", SQUARE, [(0, 1, 2, 3)], materials=[material])
+    obj[EXTRAS] = {"level": level}
+    collection = bpy.data.collections.new("tree")
+    collection.objects.link(obj)
+    build: Any = SimpleNamespace(first_cloud=1, costs=Costs())
+    EFFECT.add_to_tree(collection, build)
+    return obj, build.costs
+
+
+def alpha_of(material: bpy.types.Material, renderer: str) -> bpy.types.Node:
+    """Return the node that gives the alpha of a renderer's Principled BSDF."""
+    shader = material.node_tree.get_output_node(renderer).inputs["Surface"].links[0].from_node
+    assert shader.type == "BSDF_PRINCIPLED"
+    return shader.inputs["Alpha"].links[0].from_node
+
+
+def test_eevee_gets_the_share_and_cycles_and_files_keep_the_cutoff() -> None:
+    material = cut_out("GREATER_THAN", 0.5)
+    obj, _ = filtered(material, 0)
+    shown = obj.material_slots[0].material
+    assert alpha_of(shown, "EEVEE").type == "TEX_IMAGE"
+    for renderer in ("CYCLES", "ALL"):
+        assert alpha_of(shown, renderer).operation == "GREATER_THAN"
+
+
+@pytest.mark.parametrize("cutoff", [0.1, 0.3])
+def test_alpha_at_the_cutoff_covers_half_of_a_pixel(cutoff: float) -> None:
+    obj, _ = filtered(cut_out("GREATER_THAN", cutoff), 0)
+    bend = alpha_of(obj.material_slots[0].material, "EEVEE")
+    assert bend.operation == "POWER"
+    assert cutoff ** bend.inputs[1].default_value == pytest.approx(0.5)
+
+
+def test_the_artists_material_and_image_stay() -> None:
+    material = cut_out("ROUND", 0.0)
+    nodes = len(material.node_tree.nodes)
+    obj, costs = filtered(material, 0)
+    slot = obj.material_slots[0]
+    assert obj.data.materials[0] == material, "files have this one"
+    assert (slot.link, slot.material.name) == ("OBJECT", f"{material.name}_filtered")
+    assert len(material.node_tree.nodes) == nodes
+    assert costs.bytes == {"filtering": 8 * 8 * 4}
+
+
+def test_colors_go_on_under_transparent_texels_for_eevee_alone() -> None:
+    obj, _ = filtered(cut_out("ROUND", 0.0), 0)
+    tree = obj.material_slots[0].material.node_tree
+    shaders = [tree.get_output_node(name).inputs["Surface"].links[0].from_node for name in ("CYCLES", "EEVEE")]
+    own, image = (shader.inputs["Base Color"].links[0].from_node.image for shader in shaders)
+    assert (own.name.partition(".")[0], image.name) == ("leaf", f"{own.name}_filled")
+    texels = np.rint(np.array(image.pixels[:]).reshape(8, 8, 4) * 255.0)
+    np.testing.assert_array_equal(texels[..., :3], np.broadcast_to(GREEN, (8, 8, 3)))
+    np.testing.assert_array_equal(texels[0, :, 3], [255] * 4 + [0] * 4)
+
+
+def test_the_page_of_a_cloud_is_its_own() -> None:
+    """No copy is needed: its material belongs to the level, and its colors go on already."""
+    material = atlas_material("cloud", Page(picture()), alpha_cutoff=0.5, double_sided=True)
+    obj, costs = filtered(material, 1)
+    assert (obj.material_slots[0].link, obj.material_slots[0].material) == ("DATA", material)
+    assert alpha_of(material, "EEVEE").type == "TEX_IMAGE"
+    assert costs.bytes == {}
+
+
+def test_translucent_clouds_are_filtered_with_their_share() -> None:
+    page = Page(picture(), translucency=picture(), share=0.4)
+    material = atlas_material("cloud", page, alpha_cutoff=0.5, double_sided=True)
+    filtered(material, 1)
+    mix = material.node_tree.get_output_node("EEVEE").inputs["Surface"].links[0].from_node
+    assert mix.type == "MIX_SHADER"
+    product = mix.inputs[0].links[0].from_node
+    assert (product.inputs[0].links[0].from_node.type, product.inputs[1].default_value) == (
+        "TEX_IMAGE",
+        pytest.approx(0.4),
+    )
+
+
+def test_opaque_materials_stay() -> None:
+    material, *_ = new_material()
+    nodes = len(material.node_tree.nodes)
+    obj, _ = filtered(material, 0)
+    assert obj.material_slots[0].material == material
+    assert len(material.node_tree.nodes) == nodes
