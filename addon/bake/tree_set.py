@@ -245,5 +245,6 @@ def _share_images(made: Mapping[bpy.types.Image, str], name: str) -> None:
             image.user_remap(own)
             bpy.data.images.remove(image)
     for image in shared:
-        image.name = name + image.name.removeprefix(made[image])
+        if image.name.startswith(made[image]):
+            image.name = name + image.name.removeprefix(made[image])
         image.filepath_raw = f"//{image.name}.png"

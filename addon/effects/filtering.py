@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..plan.decision import Decision
 from ..plan.effect import Effect, Rule
 from ..plan.situation import Situation
 
@@ -15,13 +16,16 @@ if TYPE_CHECKING:
 
 class FilteringEffect(Effect):
     about = (
-        "In EEVEE show the share of a pixel that leaves cover, where a cutoff would dissolve them with the distance; leaf "
-        "colors go on under the transparent texels of a copy of the leaf textures. Wanted where EEVEE or the Material "
-        "Preview shows the tree. Costs memory for the copies"
+        "In EEVEE show the share of a pixel that leaves cover, where a cutoff would dissolve them with the distance, "
+        "and keep the color under transparent texels out of their edges. Wanted where EEVEE or the Material Preview "
+        "shows the tree. Costs memory for copies of the leaf textures"
     )
 
     def rule(self, situation: Situation) -> Rule:
         return True, "EEVEE filters textures before it cuts them out, and would dissolve distant leaves"
+
+    def under_baked_light(self, decision: Decision) -> Rule:
+        return False, "the light is baked in, and such materials keep their cutoff"
 
     def add_to_tree(self, collection: bpy.types.Collection, build: Build) -> None:
         from ..levels.filtering import let_filter

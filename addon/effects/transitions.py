@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 class TransitionsEffect(Effect):
     about = (
-        "Morph the leaves onto their billboards and cross-fade the levels, so that no change of level is visible. "
-        "Wanted where a camera moves past the distance of such a change. Costs memory for each vertex"
+        "Morph the leaves onto their billboards, and let each level take over bit by bit, so that no change of level "
+        "is visible. Wanted where a camera moves past the distance of such a change. Costs memory for each vertex"
     )
 
     def rule(self, situation: Situation) -> Rule:

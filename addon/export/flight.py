@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -131,18 +132,20 @@ def _frame(hand_over: HandOver, camera: Camera, distance: float) -> canvas.Block
     # Near levels have one trunk at a time. An impostor shows it in its textures.
     trunk = (before if distance < hand_over.trunk.vanish else after).parts[1:]
     height, width = camera.box[1] - camera.box[0], camera.box[3] - camera.box[2]
-    color = canvas.empty(height, width, canvas.GROUND)
+    ground = canvas.empty(height, width, canvas.GROUND)
+    shown = []
     if going > 0.0:
         leaves = before.parts[0]
         if morph > 0.0 and not isinstance(level, leafcloud.OctahedralLevel):
             leaves = level.morphed(leaves, morph)
-        color = _faded(camera.picture(replace(before, parts=(leaves, *trunk)), distance), going, color)
+        shown.append((camera.picture(replace(before, parts=(leaves, *trunk)), distance), going))
     if coming > 0.0:
         drawn = replace(after, parts=(after.parts[0], *trunk)) if len(after.parts) > 1 else after
-        color = _faded(camera.picture(drawn, distance), coming, color)
+        shown.append((camera.picture(drawn, distance), coming))
+    color = _faded(shown, ground)
     told = [f"distance {canvas.number(distance)}"]
-    if 0.0 < coming + 1.0 - going < 2.0:
-        told.append(f"cross-fade {(coming + 1.0 - going) / 2.0:.0%}")
+    if 0.0 < coming < 1.0:
+        told.append(f"cross-fade {coming:.0%}")
     elif morph > 0.0 and going > 0.0:
         told.append(f"morph {morph:.0%}")
     names = f"{hand_over.before.name} → {hand_over.after.name}"
@@ -152,10 +155,13 @@ def _frame(hand_over: HandOver, camera: Camera, distance: float) -> canvas.Block
     return canvas.below([picture, *indented], 0)
 
 
-def _faded(picture: canvas.Picture, share: float, ground: canvas.Block) -> canvas.Block:
-    """Return the picture over a background; `share` of it covers the background."""
-    alpha = picture[..., 3:].astype(np.float32) * np.float32(share / 255.0)
-    return np.rint(picture[..., :3] * alpha + ground * (1.0 - alpha)).astype(np.uint8)
+def _faded(pictures: Sequence[tuple[canvas.Picture, float]], ground: canvas.Block) -> canvas.Block:
+    """Return the pictures over a background, each on its share of the places, as a dither shows them."""
+    color = ground.astype(np.float32)
+    for picture, share in pictures:
+        alpha = picture[..., 3:].astype(np.float32) * np.float32(share / 255.0)
+        color += alpha * (picture[..., :3] - ground.astype(np.float32))
+    return np.rint(color.clip(0.0, 255.0)).astype(np.uint8)
 
 
 def _share_left(lod_range: LodRange, distance: float) -> float:

@@ -13,9 +13,10 @@ import leafcloud
 from ..nodes.laws import OWN_BILLBOARD
 from .baked_light import unlit_material
 from .building import Build, own_bytes
+from .filtering import show_shares
 from .material import Page, atlas_image, atlas_material
-from .morphs import add_point_attribute
 from .mesh import PolygonFaces, create_mesh, polygon_faces, polygon_surface
+from .morphs import add_point_attribute
 from .shape import Shape, object_of, pruning_of, transition_of
 from .sides import add_sides
 from .wind import cloud_wind_attributes
@@ -52,7 +53,10 @@ def _material(name: str, level: leafcloud.Level, number: int, build: Build) -> b
     cutoff, double = level.alpha_cutoff, not level.two_sided
     page = _page(name, level, number, build)
     if build.light is None:
-        return atlas_material(name, page, alpha_cutoff=cutoff, double_sided=double)
+        material = atlas_material(name, page, alpha_cutoff=cutoff, double_sided=double)
+        if build.has("filtering"):
+            show_shares(material)
+        return material
     strength = build.light_strength
     return unlit_material(name, page.base_color, alpha_cutoff=cutoff, double_sided=double, strength=strength)
 

@@ -3,10 +3,10 @@
 The node group stores the hidden fraction of a level as the attribute `leaf_hidden_share`, the negative of it while the
 level fades in. Camera rays see either level, by a random number of their place in the picture that is the same for
 both, so none passes between them. All other rays see the level that fades out: the next one stands in the same place,
-and both would shade each other. Beside the cross impostor that is not enough: its planes are inside of the crown, and
-would be in its shadow. In Cycles it replaces the level before in the middle of the fade, where trees are tiny. If the
-attribute is 0 or missing, nothing changes. Exporters read the output for all renderers, which stays unchanged. Engines
-fade by dithering (`lc_shown` in shaders/leafcloud.glsl).
+and both would shade each other. The planes of the cross impostor are inside of the crown and would still be in its
+shadow: in Cycles the cross impostor replaces the level before in the middle of the fade. If the attribute is 0 or
+missing, nothing changes. Exporters read the output for all renderers, which stays unchanged. Engines fade by dithering
+(`lc_shown` in shaders/leafcloud.glsl).
 """
 
 from __future__ import annotations

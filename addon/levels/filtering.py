@@ -32,96 +32,135 @@ _COPIED = {
 """Types of nodes that may lie between a cutoff and the output."""
 _OPTIONS = (
     *("operation", "use_clamp", "distribution", "subsurface_method", "data_type", "blend_type", "clamp_factor"),
-    *("clamp_result", "image", "interpolation", "extension", "projection"),
+    *("clamp_result", "factor_mode", "image", "interpolation", "extension", "projection", "projection_blend"),
 )
 
 _Node: TypeAlias = bpy.types.Node
 
 
-def let_filter(collection: bpy.types.Collection, build: Build) -> None:
-    """Let EEVEE filter the materials of all levels and trunks. Those of the tree itself are replaced by copies.
+_Images: TypeAlias = dict[tuple[bpy.types.Image, float], bpy.types.Image]
+"""Copies of leaf textures by the texture and the cutoff."""
 
-    The copies are linked to the objects: files, and other objects, use the artist's materials of the meshes.
+
+def let_filter(collection: bpy.types.Collection, build: Build) -> None:
+    """Let EEVEE filter the materials of leaves and trunks, by copies that are linked to the objects.
+
+    Files, and other objects, use the artist's materials of the meshes. Pages are filtered when they are made.
     """
-    copies: dict[bpy.types.Material, bpy.types.Material] = {}
-    for obj in (each for each in collection.all_objects if each.type == "MESH"):
-        number = level_number(obj)
-        own = number is not None and number >= build.first_cloud
-        for slot in obj.material_slots:
-            material = slot.material
-            if material is None or material.node_tree is None or _cutoff(material) is None:
-                continue
-            if own:
-                _show_shares(material, None)
-                continue
-            if material not in copies:
-                copies[material] = material.copy()
-                copies[material].name = f"{material.name}_filtered"
-                filled = _filled(material)
-                build.costs.add_bytes("filtering", 4 * math.prod(filled.size) if filled is not None else 0)
-                _show_shares(copies[material], filled)
+    images: _Images = {}
+    copies: dict[bpy.types.Material, bpy.types.Material | None] = {}
+    objects = list(collection.all_objects)
+    for slot in [slot for obj in objects for slot in _slots_of_leaves(obj, build)]:
+        material = slot.material
+        if material not in copies:
+            copies[material] = _filtered(material, images)
+        if copies[material] is not None:
             slot.link, slot.material = "OBJECT", copies[material]
+    for image in images.values():
+        build.costs.add_bytes("filtering", 4 * math.prod(image.size))
+    for material in [each for each in copies if each.users == 0]:
+        bpy.data.materials.remove(material)  # A copy of this bake that fades: its filtered copy fades, too.
+
+
+def _slots_of_leaves(obj: bpy.types.Object, build: Build) -> list[bpy.types.MaterialSlot]:
+    number = level_number(obj)
+    if obj.type != "MESH" or (number is not None and number >= build.first_cloud):
+        return []
+    return [slot for slot in obj.material_slots if slot.material is not None and slot.material.node_tree is not None]
+
+
+def _filtered(material: bpy.types.Material, images: _Images) -> bpy.types.Material | None:
+    """Return a copy that EEVEE may filter; None for a material that is not cut out, or not in a way that is known."""
+    copy = material.copy()
+    if not show_shares(copy, images):
+        bpy.data.materials.remove(copy)
+        return None
+    copy.name = f"{material.name}_filtered"
+    copy.surface_render_method = "DITHERED"
+    return copy
+
+
+def show_shares(material: bpy.types.Material, images: _Images | None = None) -> bool:
+    """Give EEVEE an output of its own, for which the nodes behind the cutoff are copied. Return whether that is done.
+
+    images: copies of leaf textures so far, for leaf materials; a new one is added. Pages need none.
+    """
+    found = _cutoff(material)
+    if found is None:
+        return False
+    step, alpha, cutoff = found
+    tree = material.node_tree
+    everywhere, output = tree.get_output_node("ALL"), output_for(tree, "EEVEE")
+    own = None if images is None else _leaf_texture(material)
+    textures = [node for node in tree.nodes if node.type == "TEX_IMAGE" and own is not None and node.image == own]
+    between = _between([step, *textures], output)
+    if not _known(between):
+        textures, between = [], _between([step], output)
+    if not _known(between):
+        return False
+    between.discard(step)
+    section = Section(tree, "EEVEE: the share of a pixel", (step.location.x, step.location.y + 1400.0))
+    copies = {node: _copied(section, node) for node in tree.nodes if node in between}
+    for texture in between & set(textures):
+        assert images is not None, "pages have no textures to replace"
+        copies[texture].image = _filled(texture.image, material.name, cutoff, images)
+    before = _copy_of(alpha, copies)
+    # Half a texel's alpha stays at half of the pixel, whatever the cutoff.
+    bent = math.log(0.5) / math.log(cutoff)
+    share = before if abs(bent - 1.0) < 1e-3 else section.math("POWER", before, bent, label="Cutoff at ½")
+    for link in [link for link in tree.links if _feeds(link, {*between, output})]:
+        if link.to_node == output and link.from_node not in between:
+            continue
+        source = share if link.from_node == step else _copy_of(link.from_socket, copies)
+        target = copies.get(link.to_node, output)
+        tree.links.new(source, target.inputs[list(link.to_node.inputs).index(link.to_socket)])
+    if everywhere is not None:
+        everywhere.is_active_output = True
+    return True
 
 
 def _cutoff(material: bpy.types.Material) -> tuple[_Node, bpy.types.NodeSocket, float] | None:
     """Return the node that cuts out, the alpha before it and its cutoff; None if there is none that can be passed."""
     principled = principled_of(material)
-    if principled is None or principled.groups:
+    if principled is None or principled.groups or material.node_tree.get_output_node("EEVEE") is None:
         return None
     alpha = principled.input("Alpha")
     before, cutoff = cut(alpha)
-    if cutoff is None or not 0.0 < cutoff < 1.0 or before.groups or not follow(before).kind:
+    source = follow(before)
+    if cutoff is None or not 0.0 < cutoff < 1.0 or source.groups or not source.kind:
         return None
-    return follow(alpha).node, follow(before).socket, cutoff
+    return follow(alpha).node, source.socket, cutoff
 
 
-def _filled(material: bpy.types.Material) -> bpy.types.Image | None:
-    """Return a copy of a leaf texture with colors under its transparent texels; None without transparent texels."""
-    surface = read_surface(material)
+def _leaf_texture(material: bpy.types.Material) -> bpy.types.Image | None:
+    """Return the image of color and alpha; None where they come from different images."""
+    surface = read_surface(material, as_exported=True)
     color, alpha = surface.color_texture, surface.alpha_texture
     if color is None or alpha is None or color.image != alpha.image or surface.alpha_channel != "alpha":
         return None
-    name = f"{color.image.name}_filled"
-    pixels = pixels_of(color.image, material.name)
-    return bpy.data.images.get(name) or atlas_image(name, leafcloud.fill_transparent(pixels, surface.alpha_cutoff))
+    return color.image
 
 
-def _show_shares(material: bpy.types.Material, filled: bpy.types.Image | None) -> None:
-    """Give EEVEE an output of its own, for which the nodes behind the cutoff, and those behind a texture that is
-    replaced by `filled`, are copied. Materials with other nodes there stay as they are."""
-    found = _cutoff(material)
-    assert found is not None, "only materials that are cut out"
-    step, alpha, cutoff = found
-    tree = material.node_tree
-    everywhere, output = tree.get_output_node("ALL"), output_for(tree, "EEVEE")
-    textures = [] if filled is None else [node for node in tree.nodes if _shows(node, alpha.node.image)]
-    between = _between([step, *textures], output) - {step}
-    if any(node.type not in _COPIED for node in between):
-        return
-    section = Section(tree, "EEVEE: the share of a pixel", (step.location.x, step.location.y + 1400.0))
-    copies = {node: _copied(section, node) for node in tree.nodes if node in between}
-    for texture in between & set(textures):
-        copies[texture].image = filled
-    # Half a texel's alpha stays at half of the pixel, whatever the cutoff.
-    bent = math.log(0.5) / math.log(cutoff)
-    alpha = copies[alpha.node].outputs["Alpha"] if alpha.node in copies else alpha
-    share = alpha if abs(bent - 1.0) < 1e-3 else section.math("POWER", alpha, bent, label="Cutoff at ½")
-    for link in [link for link in tree.links if link.to_node in between or link.to_node == output]:
-        source = link.from_socket
-        if link.from_node == step:
-            source = share
-        elif link.from_node in between:
-            source = copies[link.from_node].outputs[list(link.from_node.outputs).index(source)]
-        elif link.to_node == output:
-            continue
-        target = copies.get(link.to_node, output)
-        tree.links.new(source, target.inputs[list(link.to_node.inputs).index(link.to_socket)])
-    if everywhere is not None:
-        everywhere.is_active_output = True
+def _filled(image: bpy.types.Image, name: str, cutoff: float, images: _Images) -> bpy.types.Image:
+    """Return the copy of a leaf texture with colors under its transparent texels. `name`: of the material."""
+    if (image, cutoff) not in images:
+        pixels = leafcloud.fill_below(pixels_of(image, name), cutoff)
+        images[image, cutoff] = atlas_image(f"{bpy.path.clean_name(image.name)}_filled", pixels)
+    return images[image, cutoff]
 
 
-def _shows(node: _Node, image: bpy.types.Image) -> bool:
-    return bool(node.type == "TEX_IMAGE" and node.image == image)
+def _known(nodes: set[_Node]) -> bool:
+    return all(node.type in _COPIED and not node.mute for node in nodes)
+
+
+def _feeds(link: bpy.types.NodeLink, nodes: set[_Node]) -> bool:
+    return link.to_node in nodes and bool(link.is_valid) and not link.is_muted
+
+
+def _copy_of(socket: bpy.types.NodeSocket, copies: dict[_Node, _Node]) -> bpy.types.NodeSocket:
+    """Return the output of a node's copy; of a node that is not copied its own."""
+    copy = copies.get(socket.node)
+    return socket if copy is None else copy.outputs[list(socket.node.outputs).index(socket)]
 
 
 def _between(starts: Sequence[_Node], output: _Node) -> set[_Node]:
@@ -133,7 +172,7 @@ def _between(starts: Sequence[_Node], output: _Node) -> set[_Node]:
 def _reached(starts: Sequence[_Node], ends: Callable[[bpy.types.NodeLink], tuple[_Node, _Node]]) -> set[_Node]:
     """Return the nodes that can be reached over links, each from its first to its second end."""
     ways: dict[_Node, list[_Node]] = {}
-    for first, second in map(ends, starts[0].id_data.links):
+    for first, second in map(ends, (link for link in starts[0].id_data.links if link.is_valid and not link.is_muted)):
         ways.setdefault(first, []).append(second)
     found, waiting = set(starts), list(starts)
     while waiting:
@@ -147,6 +186,6 @@ def _copied(section: Section, node: _Node) -> _Node:
     options = {name: getattr(node, name) for name in _OPTIONS if hasattr(node, name)}
     copy = section.node(node.bl_idname, label=node.label, **options)
     for own, other in zip(node.inputs, copy.inputs, strict=True):
-        if hasattr(own, "default_value"):
+        if hasattr(own, "default_value") and own.type == other.type:
             other.default_value = own.default_value
     return copy

@@ -22,6 +22,7 @@ CUTOFF_NODE = "Leafcloud Cutoff"
 BENT_NORMAL_NODE = "Bent Normal"
 TRANSLUCENCY_NODE = "Leafcloud Translucency"
 SHARE_NODE = "Leafcloud Translucent Share"
+BACK_NODE = "Leafcloud Back"
 
 
 @dataclass(frozen=True)
@@ -157,6 +158,7 @@ def hide_back_in_cycles(tree: bpy.types.NodeTree, hidden: bpy.types.NodeSocket |
         (hidden or side.outputs["Backfacing"], seen, clear.outputs[0]), front.inputs, strict=True
     ):
         tree.links.new(source, target)
+    front.name = BACK_NODE
     tree.links.new(front.outputs[0], shown.inputs["Surface"])
     shown.target = "CYCLES"
     output.is_active_output = True

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..nodes.sides import BACK
+from .material import BACK_NODE
 from .mesh import PolygonFaces
 
 BACK_UV = "leaf_back_uv"
@@ -62,8 +63,10 @@ def two_sided_material(material: bpy.types.Material) -> bpy.types.Material:
     both.name = f"{material.name}_sides"
     both.use_backface_culling = False
     tree = both.node_tree
-    for output in [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.target == "CYCLES"]:
-        tree.nodes.remove(output)  # It hides the back.
+    hidden = tree.nodes[BACK_NODE]
+    for link in list(hidden.outputs[0].links):
+        tree.links.new(hidden.inputs[1].links[0].from_socket, link.to_socket)
+    tree.nodes.remove(hidden)
     behind = tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"]
     place = _mixed(tree, behind, _front_uv(tree), _attribute(tree), "VECTOR")
     for node in [node for node in tree.nodes if node.type == "TEX_IMAGE"]:

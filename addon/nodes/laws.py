@@ -19,7 +19,7 @@ BLOCK = 1024.0
 """Faces per block of a blockwise sum."""
 
 HIDDEN_SHARE = "leaf_hidden_share"
-"""Point attribute: hidden fraction of a level that fades out, its negative of one that fades in. 0 or missing: shown."""
+"""Point attribute: hidden fraction of a level that fades out, minus that of one that fades in. 0 or missing: shown."""
 PARENT, OWN_BILLBOARD = "leaf_billboard", "own_billboard"
 """Point attributes: numbers of the billboards that leaves come to lie on, and of a level's own billboards."""
 GOLDEN = 0.618034

@@ -15,10 +15,10 @@ camera to the level's center in the object's own coordinates, divided by the inp
 
 Leaves of a negative rank are protected: they are never pruned, do not grow, and do not count in the sums.
 
-A level of billboards takes the place of the leaves that lie on them billboard by billboard: the leaves of billboard n
-go where o reaches frac(n·φ), φ = 0.618…, and the billboard comes there. So any ray, of a shadow, too, meets either. That
-needs the billboards' numbers: `leaf_billboard` of the leaves, `own_billboard` of the level. A level without them fades
-by its materials (`levels.fading`), which read o − i from the point attribute `leaf_hidden_share`. They read 1 − κ from
+A level of billboards takes the place of the leaves that lie on them billboard by billboard: where o exceeds
+frac(n·φ), φ = 0.618…, billboard n is drawn, else its leaves. So each ray meets either, those of shadows too. The
+numbers n are `leaf_billboard` of the leaves and `own_billboard` of the level. A level without them fades by its
+materials (`levels.fading`), which read o − i from the point attribute `leaf_hidden_share`. They read 1 − κ from
 `leaf_mean_share`. The group stores both only where they are needed.
 
 Branches are switched instead of multiplied by 0 or 1. At a = 0 and λ = 1 the output is the input, bit for bit and at no

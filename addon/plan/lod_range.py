@@ -79,7 +79,7 @@ def lod_ranges(
     switch distance. It fades in while this level fades out.
     """
     result: list[LodRange] = []
-    appear = whole = gone = switch_distances[0]
+    appear = gone = switch_distances[0]
     for end, way in zip((*switch_distances[1:], math.inf), (*hand_overs[1:], HandOverKind.FADE), strict=True):
         morphs, fades = transitions and way is not HandOverKind.FADE, transitions and way is not HandOverKind.MORPH
         start = (gone if result else max(START_SHARE * end, gone)) if morphs else math.inf
@@ -90,11 +90,11 @@ def lod_ranges(
             start=start,
             end=end if morphs else math.inf,
             vanish=hand_over + fade,
-            fade_in_end=whole,
+            fade_in_end=gone,
             fade_out_start=hand_over,
         )
         result.append(lod_range)
-        appear, whole, gone = hand_over, lod_range.vanish, lod_range.vanish
+        appear, gone = hand_over, lod_range.vanish
     return tuple(result)
 
 
@@ -113,8 +113,8 @@ def hand_over_to(level: leafcloud.AnyLevel) -> HandOverKind:
 def trunk_range(ranges: Sequence[LodRange], number: int) -> LodRange:
     """Return the LOD range of the trunk of level `number`. Trunks neither morph nor cross-fade.
 
-    Much of a trunk coincides with the next level's trunk: a ray that passes through one fading trunk would pass through
-    both. Only before an impostor does a trunk fade out with its level, because the impostor's textures show it.
+    Much of a trunk coincides with the next level's trunk, so the change is hardly seen. Only before an impostor does a
+    trunk fade out with its level, because the impostor's textures show it.
     """
     own = ranges[number]
     morphs = math.isfinite(own.end)

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import bpy
 from mathutils import Vector
 
+from ..material.surface import read_surface
+
 BOUNCES = 64
-"""Transparent bounces that show crowns as without a limit. Over eight plants 8 darken leaf cards by up to a quarter, 32 by
-half a percent (docs/decisions/renderers.md)."""
+"""Transparent bounces that show crowns as without a limit. 8 darken crowns of leaf cards by up to a quarter, 32 by half
+a percent (docs/decisions/renderers.md)."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +41,12 @@ def _bounces(scene: bpy.types.Scene) -> Fault | None:
     if scene.render.engine != "CYCLES" or scene.cycles.transparent_max_bounces >= BOUNCES:
         return None
     limit = scene.cycles.transparent_max_bounces
-    text = f"Light Paths › Transparent is {limit}: leaves turn dark behind {limit} layers. {BOUNCES} is enough"
+    text = f"Light Paths > Transparent is {limit}: leaves turn dark behind {limit} layers. {BOUNCES} is enough"
     return Fault(text, lambda: allow_bounces(scene))
 
 
 def _clip_end(camera: bpy.types.Object | None, place: Vector, radius: float) -> Fault | None:
-    if camera is None or camera.type != "CAMERA":
+    if camera is None or camera.type != "CAMERA" or camera.data.library is not None:
         return None
     farthest = (camera.matrix_world.translation - place).length + radius
     if camera.data.clip_end >= farthest:
@@ -53,11 +55,13 @@ def _clip_end(camera: bpy.types.Object | None, place: Vector, radius: float) -> 
     def mend() -> None:
         camera.data.clip_end = 2.0 * farthest
 
-    return Fault(f"The camera's Clip End is {camera.data.clip_end:,.0f}, the tree ends at {farthest:,.0f}", mend)
+    return Fault(f"The camera's Clip End is {camera.data.clip_end:.4g}, the tree ends at {farthest:.4g}", mend)
 
 
 def _shadows(material: bpy.types.Material | None) -> Fault | None:
-    if material is None or getattr(material, "use_transparent_shadow", True):
+    if material is None or material.library is not None or getattr(material, "use_transparent_shadow", True):
+        return None
+    if read_surface(material).alpha_mode == "OPAQUE":
         return None
 
     def mend() -> None:

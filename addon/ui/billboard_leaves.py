@@ -6,10 +6,8 @@ import bmesh
 import bpy
 
 from ..mesh.baked_levels import level_number
+from ..nodes.laws import PARENT
 from .on_tree import active_tree
-
-BILLBOARD = "leaf_billboard"
-"""The point attribute with the number of each leaf's billboard on the next level; negative for none."""
 
 _NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE"}
 
@@ -20,7 +18,7 @@ def select_billboards(obj: bpy.types.Object) -> int:
     Return the number of these billboards.
     """
     mesh = bmesh.from_edit_mesh(obj.data)
-    layer = mesh.verts.layers.int[BILLBOARD]
+    layer = mesh.verts.layers.int[PARENT]
     chosen = {vertex[layer] for vertex in mesh.verts if vertex.select and vertex[layer] >= 0}
     for vertex in mesh.verts:
         if vertex[layer] in chosen:
@@ -105,4 +103,4 @@ def _level(context: bpy.types.Context) -> bpy.types.Object | None:
     levels = [active] if active is not None and level_number(active) is not None else []
     if not levels and tree is not None:
         levels = sorted((obj for obj in tree.objects if level_number(obj) is not None), key=lambda obj: obj.name)
-    return next((obj for obj in levels if BILLBOARD in obj.data.attributes), None)
+    return next((obj for obj in levels if PARENT in obj.data.attributes), None)

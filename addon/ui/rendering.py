@@ -1,4 +1,4 @@
-"""The lines of the tree's panel about settings of the scene that show the tree wrongly, and the button that mends them."""
+"""Lines of the tree's panel about settings that show the tree wrongly, and the button that mends them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import bpy
 from mathutils import Vector
 
 from ..levels.placed_tree import place_of
+from ..levels.root import root_of
 from ..mesh.baked_levels import levels_and_trunks
 from ..scene.rendering import Fault, faults
 from .on_tree import OnTree, active_tree
@@ -37,6 +38,8 @@ def draw_faults(layout: bpy.types.UILayout, context: bpy.types.Context, tree: bp
 
 
 def _faults_of(tree: bpy.types.Collection, scene: bpy.types.Scene) -> list[Fault]:
+    if root_of(tree) is None:
+        return []  # Of an earlier version.
     objects = [obj for _, obj in levels_and_trunks(tree.all_objects)]
     materials = [slot.material for obj in objects for slot in obj.material_slots]
     place = place_of(tree)

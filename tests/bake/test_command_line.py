@@ -56,8 +56,8 @@ def test_the_plan_is_printed_and_nothing_is_written(shrub: Path, tmp_path: Path)
     table = run_apart("--input", shrub, "--plan-only", "--out", tmp_path / "out")
     assert table.returncode == 0, table.stderr
     states = dict(line.split()[:2] for line in table.stdout.splitlines()[1:])
-    on = {"transitions": "on", "trunk_levels": "on", "far_levels": "on", "normals": "on", "back_sides": "auto"}
-    assert states == dict.fromkeys(EFFECTS, "off") | on
+    on = {"transitions": "on", "trunk_levels": "on", "far_levels": "on", "normals": "on", "filtering": "on"}
+    assert states == dict.fromkeys(EFFECTS, "off") | on | {"back_sides": "auto"}
     plan = run("--input", shrub, "--plan-only", "--json", "--effects", "pruning")
     given = {effect["name"]: effect["on"] for effect in json.loads(plan.stdout)}
     assert given == dict.fromkeys(EFFECTS, False) | {"pruning": True, "far_levels": True}

@@ -114,6 +114,7 @@ EFFECTS_APART = {
         ("addon.levels.leaf_map",),
         ("images tree_LOD1_leaf_uv is there", "node_groups Leafcloud Leaf Map is there", "leafUvTexture"),
     ),
+    "filtering": Own(("addon.levels.filtering",), ("EEVEE: the share of a pixel",)),
     "contrast": Own(
         ("addon.levels.contrast", "addon.export.plain_materials:plain_colors"),
         ("nodes Leafcloud Contrast is there", "mean_color"),

@@ -432,12 +432,12 @@ def test_without_transitions_a_vertex_keeps_its_neighbours() -> None:
 def test_a_build_counts_the_cost_of_each_effect() -> None:
     made = chain()
     asked = context(tree(), made)
-    all_steps(build_levels(asked))
+    _, (_, *clouds, _) = all_steps(build_levels(asked))
     costs = asked.costs
-    vertices = 12 + 10
+    vertices, of_clouds = 12 + 10, sum(len(level.object.data.vertices) for level in clouds)
     assert costs.bytes == {
         "pruning": vertices * 16,
-        "transitions": vertices * (4 + 2 * 12 + 12),
+        "transitions": vertices * (4 + 2 * 12 + 12) + 4 * of_clouds,
         "far_levels": sum(level.base_color.nbytes for level in made.levels[1:]),
     }
     assert all(seconds > 0.0 for seconds in costs.seconds.values())

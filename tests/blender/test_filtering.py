@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,7 @@ from scenes import add_mesh
 
 from addon.effects.filtering import EFFECT
 from addon.levels.building import Costs
+from addon.levels.filtering import show_shares
 from addon.levels.material import Page, atlas_image, atlas_material
 from addon.mesh.baked_levels import EXTRAS
 
@@ -102,16 +104,17 @@ def test_colors_go_on_under_transparent_texels_for_eevee_alone() -> None:
 def test_the_page_of_a_cloud_is_its_own() -> None:
     """No copy is needed: its material belongs to the level, and its colors go on already."""
     material = atlas_material("cloud", Page(picture()), alpha_cutoff=0.5, double_sided=True)
+    assert show_shares(material)
+    assert alpha_of(material, "EEVEE").type == "TEX_IMAGE"
     obj, costs = filtered(material, 1)
     assert (obj.material_slots[0].link, obj.material_slots[0].material) == ("DATA", material)
-    assert alpha_of(material, "EEVEE").type == "TEX_IMAGE"
     assert costs.bytes == {}
 
 
 def test_translucent_clouds_are_filtered_with_their_share() -> None:
     page = Page(picture(), translucency=picture(), share=0.4)
     material = atlas_material("cloud", page, alpha_cutoff=0.5, double_sided=True)
-    filtered(material, 1)
+    show_shares(material)
     mix = material.node_tree.get_output_node("EEVEE").inputs["Surface"].links[0].from_node
     assert mix.type == "MIX_SHADER"
     product = mix.inputs[0].links[0].from_node
@@ -119,6 +122,72 @@ def test_translucent_clouds_are_filtered_with_their_share() -> None:
         "TEX_IMAGE",
         pytest.approx(0.4),
     )
+
+
+def test_alpha_with_a_factor_before_the_cutoff_is_filtered() -> None:
+    """As the glTF importer makes it for a base color factor with an alpha below 1."""
+    material = cut_out("GREATER_THAN", 0.5)
+    tree = material.node_tree
+    step = alpha_of(material, "ALL")
+    texture, half = step.inputs[0].links[0].from_socket, tree.nodes.new("ShaderNodeMath")
+    half.operation, half.inputs[1].default_value = "MULTIPLY", 0.9
+    tree.links.new(texture, half.inputs[0])
+    tree.links.new(half.outputs[0], step.inputs[0])
+    obj, _ = filtered(material, 0)
+    product = alpha_of(obj.material_slots[0].material, "EEVEE")
+    assert (product.operation, product.inputs[1].default_value) == ("MULTIPLY", pytest.approx(0.9))
+    assert product.inputs[0].links[0].from_node.image.name.startswith("leaf")
+
+
+def test_a_reroute_is_passed() -> None:
+    material = cut_out("ROUND", 0.0)
+    tree = material.node_tree
+    step, reroute = alpha_of(material, "ALL"), tree.nodes.new("NodeReroute")
+    shader = step.outputs[0].links[0].to_socket
+    tree.links.new(step.outputs[0], reroute.inputs[0])
+    tree.links.new(reroute.outputs[0], shader)
+    obj, _ = filtered(material, 0)
+    assert obj.material_slots[0].material.name.endswith("_filtered")
+
+
+@pytest.mark.parametrize("kind", ["ShaderNodeGamma", "ShaderNodeInvert"])
+def test_nodes_that_are_not_copied_leave_the_texture(kind: str) -> None:
+    """They lie between the texture and the output, but not behind the cutoff."""
+    material = cut_out("ROUND", 0.0)
+    tree = material.node_tree
+    other, shader = tree.nodes.new(kind), tree.get_output_node("ALL").inputs["Surface"].links[0].from_node
+    texture = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
+    tree.links.new(texture.outputs["Color"], other.inputs["Color"])
+    tree.links.new(other.outputs[0], shader.inputs["Base Color"])
+    obj, costs = filtered(material, 0)
+    assert (
+        alpha_of(obj.material_slots[0].material, "EEVEE")
+        == obj.material_slots[0].material.node_tree.nodes["Image Texture"]
+    )
+    assert costs.bytes == {}
+
+
+def test_alpha_from_a_node_group_stays() -> None:
+    material = cut_out("ROUND", 0.0)
+    tree = material.node_tree
+    group = bpy.data.node_groups.new("leaf", "ShaderNodeTree")
+    group.interface.new_socket("Alpha", in_out="OUTPUT", socket_type="NodeSocketFloat")
+    inside, end = group.nodes.new("ShaderNodeTexImage"), group.nodes.new("NodeGroupOutput")
+    inside.image = picture()
+    group.links.new(inside.outputs["Alpha"], end.inputs[0])
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    tree.links.new(node.outputs[0], alpha_of(material, "ALL").inputs[0])
+    obj, _ = filtered(material, 0)
+    assert obj.material_slots[0].material == material
+
+
+def test_names_of_images_are_no_paths(tmp_path: Path) -> None:
+    material = cut_out("ROUND", 0.0)
+    texture = next(node for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+    texture.image.name = str(tmp_path / "leaf")
+    filtered(material, 0)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_opaque_materials_stay() -> None:

@@ -97,8 +97,7 @@ def test_the_artists_materials_stay_as_they_are() -> None:
     tree = baked(obj)
     assert [sorted(node.name for node in each.node_tree.nodes) for each in own] == before
     leaves, simplified = ({slot.material for slot in level.object.material_slots} for level in tree.levels[:2])
-    assert leaves == set(own), "the leaves do not fade into simplified leaves"
-    assert not simplified & set(own), "simplified leaves fade into a cloud, with copies for their objects"
+    assert leaves == simplified == set(own), "they become other levels without their materials"
 
 
 def test_the_leaves_morph_onto_the_simplified_leaves() -> None:

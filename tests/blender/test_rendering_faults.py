@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import pytest
 from mathutils import Vector
+from node_trees import new_material
 
 from addon.scene.rendering import BOUNCES, allow_bounces, faults
 
@@ -34,7 +35,7 @@ def mended(scene: bpy.types.Scene, *materials: bpy.types.Material) -> list[str]:
 
 def test_blenders_default_bounces_are_too_few(scene: bpy.types.Scene) -> None:
     [text] = texts(scene)
-    assert text.startswith("Light Paths › Transparent is 8")
+    assert text.startswith("Light Paths > Transparent is 8")
     assert mended(scene) == []
     assert scene.cycles.transparent_max_bounces == BOUNCES
 
@@ -66,9 +67,12 @@ def test_a_tree_behind_the_clip_end_is_told(scene: bpy.types.Scene) -> None:
 
 def test_cards_that_cast_whole_shadows_are_told_once(scene: bpy.types.Scene) -> None:
     allow_bounces(scene)
-    leaves = bpy.data.materials.new("leaves")
+    leaves, principled, _ = new_material()
+    leaves.name, principled.inputs["Alpha"].default_value = "leaves", 0.5
     assert texts(scene, leaves, None) == []
-    leaves.use_transparent_shadow = False
+    bark, *_ = new_material()
+    leaves.use_transparent_shadow = bark.use_transparent_shadow = False
+    assert texts(scene, bark) == []
     [text] = texts(scene, leaves, leaves)
     assert text.startswith("Transparent Shadows is off in leaves")
     assert mended(scene, leaves) == []

@@ -246,6 +246,7 @@ def test_warnings_of_the_bake_stay_in_the_panel() -> None:
     layout.row.return_value = layout.column.return_value = layout.split.return_value = layout
     context = SimpleNamespace(
         view_layer=bpy.context.view_layer,
+        scene=bpy.context.scene,
         region=SimpleNamespace(width=300.0),
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
     )

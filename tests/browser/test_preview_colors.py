@@ -21,7 +21,7 @@ from addon.bake.values import Baked
 from addon.levels.fading import fading_copy
 from addon.levels.material import hide_back_in_cycles
 from addon.nodes.laws import NEVER
-from addon.nodes.lod import LodSettings, add_lod_modifier
+from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
 from addon.settings.bake import BakeSettings
 from addon.viewport.draw import inputs_of
 
@@ -149,13 +149,16 @@ def test_the_preview_shows_every_level_like_cycles(shrub: Path, tmp_path: Path) 
 
 
 def test_levels_that_cross_fade_share_the_pixels(shrub: Path, tmp_path: Path) -> None:
-    """Here Cycles shows the last cloud and the cross impostor fully. In the preview each has half the pixels."""
+    """In the preview each has half the pixels. Cycles shows the last cloud alone, and the cross impostor alone."""
     baked = baked_shrub(shrub)
     last, cross = baked.levels[-2], baked.levels[-1]
-    camera = camera_at(inputs_of(cross.object).fade_in_end, *sphere_of(baked))
+    fades = inputs_of(cross.object)
+    camera = camera_at((fades.appear + fades.fade_in_end) / 2.0, *sphere_of(baked))
     [drawn] = preview_pictures(tmp_path, [camera], SIDE * FINER)
     alone = []
     own = [last.object] if last.trunk is None else [last.object, last.trunk]
+    for obj in (cross.object, *own):
+        set_manual(obj.modifiers[0], transition=0.0, keep=1.0)
     for hidden in ([cross.object], own):
         for obj in hidden:
             obj.hide_render = True

@@ -233,6 +233,9 @@ def test_the_viewer_draws_the_leaves_of_the_node_group(tree: Tree, views: list[d
         assert view["level"] == number
         node = tree.nodes[f"shrub_LOD{number}"]
         by_shader = drawn_by_shader(node, view["meshes"])
+        if coming:  # Where the viewer dithers, in Blender some billboards have taken the place of their leaves.
+            assert by_shader.keys() >= by_nodes[number].keys()
+            continue
         assert by_shader.keys() == by_nodes[number].keys()
         if number < 2:
             distance = float(np.linalg.norm(eye - tree.centre))

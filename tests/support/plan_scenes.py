@@ -113,4 +113,5 @@ def plan_of(crown: bpy.types.Object, settings: BakeSettings | None = None) -> di
 
 
 def on(plan: dict[str, Decision]) -> set[str]:
-    return {name for name, effect in plan.items() if effect.on}
+    """Return the effects that are on, without filtering, which always is."""
+    return {name for name, effect in plan.items() if effect.on} - {"filtering"}

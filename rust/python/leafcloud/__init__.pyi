@@ -1266,10 +1266,10 @@ def decompress_triangles(stream: bytes, count: int) -> NDArray[np.uint32]:
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""
 
-def fill_transparent(image: NDArray[np.uint8], cutoff: float) -> NDArray[np.uint8]:
+def fill_below(image: NDArray[np.uint8], cutoff: float) -> NDArray[np.uint8]:
     """Return an (h, w, 4) image whose texels of an alpha below ``cutoff``, in [0, 1], have the colors around them.
 
-    Alpha stays as it is. Mip levels then mix in no color of texels that are not drawn (push-pull; ``textures/dilate.rs``).
+    Alpha stays as it is. Mip levels then mix in no color of texels that are not drawn (push-pull, ``dilate.rs``).
     """
 
 def read_gltf(path: str, *, names: Sequence[str] | None = None) -> Foliage:

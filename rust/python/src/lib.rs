@@ -63,7 +63,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(tools::render, module)?)?;
     module.add_function(wrap_pyfunction!(tools::drawing_cost, module)?)?;
     module.add_function(wrap_pyfunction!(tools::write_png, module)?)?;
-    module.add_function(wrap_pyfunction!(tools::fill_transparent, module)?)?;
+    module.add_function(wrap_pyfunction!(tools::fill_below, module)?)?;
     module.add_function(wrap_pyfunction!(tools::read_gltf, module)?)?;
     module.add_function(wrap_pyfunction!(tools::leaf_ids, module)?)?;
     module.add_function(wrap_pyfunction!(yardstick::allowed_difference, module)?)?;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use leafcloud::limits;
 use leafcloud::metrics::{self, DrawingCost, View};
-use leafcloud::textures::{Samples, fill_below};
+use leafcloud::textures::{self, Samples};
 use leafcloud::textures::image::write_png as core_write_png;
 use leafcloud::{gltf, prune, transition as laws};
 use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayLike1};
@@ -120,7 +120,7 @@ pub fn write_png(py: Python<'_>, path: PathBuf, image: &Bound<'_, PyAny>) -> PyR
 }
 
 #[pyfunction]
-pub fn fill_transparent<'py>(
+pub fn fill_below<'py>(
     py: Python<'py>,
     image: &Bound<'py, PyAny>,
     cutoff: &Bound<'py, PyAny>,
@@ -130,7 +130,7 @@ pub fn fill_transparent<'py>(
     if !(0.0..=1.0).contains(&cutoff) {
         return Err(refuse(format!("cutoff is {cutoff}; it must be between 0 and 1")));
     }
-    let filled = interruptible(py, move |_| Ok(fill_below(&image, 255.0 * cutoff)))?;
+    let filled = interruptible(py, move |_| Ok(textures::fill_below(&image, 255.0 * cutoff)))?;
     arrays::image_array(py, &filled)
 }
 

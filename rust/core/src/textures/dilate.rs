@@ -83,6 +83,13 @@ mod tests {
     }
 
     #[test]
+    fn colors_below_the_cutoff_are_those_around_and_alpha_stays() {
+        let pixels = vec![[10, 200, 30, 255], [255, 255, 255, 100], [255, 255, 255, 0], [10, 200, 30, 128]];
+        let filled = fill_below(&Image::new(4, 1, pixels).unwrap(), 127.5);
+        assert_eq!(filled.pixels(), [[10, 200, 30, 255], [10, 200, 30, 100], [10, 200, 30, 0], [10, 200, 30, 128]]);
+    }
+
+    #[test]
     fn the_nearest_colour_wins_within_a_quad() {
         let (red, blue) = (Vec4::new(1.0, 0.0, 0.0, 1.0), Vec4::new(0.0, 0.0, 1.0, 1.0));
         let mut canvas = Canvas { width: 4, height: 1, pixels: vec![red, Vec4::ZERO, Vec4::ZERO, blue] };
