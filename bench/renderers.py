@@ -77,8 +77,8 @@ INTRODUCTION = """# Trees in Blender's renderers
 Made by `make bench-renderers` on {commit}: the .blend that a bake without settings writes, past each hand-over, over
 its leaves alone from the same place. *Cycles* has the transparent bounces of that .blend, 64; *8 bounces* are Blender's
 default. *Sun*: in front of the tree, or behind it. *Before*, *after*: mean light of the crown, red, green and blue, at
-0.9 and 1.2 × the distance of the hand-over. *Step*: largest change of a color, and of the coverage, between two of eight
-pictures (of four in EEVEE and Workbench), beyond the leaves' own. EEVEE and Workbench are not measured beside octahedral
+0.9 and 1.2 × the distance of the hand-over. *Step*: largest change of a color, and of the coverage, between two of
+eight pictures, of four in EEVEE and Workbench, beyond the leaves' own. These two are not measured beside octahedral
 impostors: without a graphics card EEVEE compiles their shader for minutes.
 
 """

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use leafcloud::limits;
 use leafcloud::metrics::{self, DrawingCost, View};
-use leafcloud::textures::{self, Samples};
 use leafcloud::textures::image::write_png as core_write_png;
+use leafcloud::textures::{self, Samples};
 use leafcloud::{gltf, prune, transition as laws};
 use numpy::{AllowTypeChange, IntoPyArray, PyArray1, PyArray3, PyArrayLike1};
 use pyo3::prelude::*;
