@@ -201,6 +201,7 @@ def main() -> None:
     )
     parser.add_argument("--steps", action="store_true", help="print each picture's figures")
     given = parser.parse_args()
+    names = ("plant", "renderer", "sun", "hand-over", "before", "after", "step, color", "step, coverage")
     shrubs = [INPUTS / "up_normals.glb", INPUTS / "bent_normals.glb"]
     rows = []
     for plant in given.plants or [*measured_trees(), *shrubs, tufts(BAKED)]:
@@ -209,9 +210,9 @@ def main() -> None:
             for row in rows_of(plant.stem, name, tells_steps=given.steps):
                 rows.append(row)
                 print(*row, flush=True)
-    text = table(("plant", "renderer", "sun", "hand-over", "before", "after", "step, color", "step, coverage"), rows)
-    if not given.plants:
-        DOCUMENT.write_text(INTRODUCTION.format(commit=measured_commit()) + text, encoding="utf-8")
+        if not given.plants:
+            text = INTRODUCTION.format(commit=measured_commit()) + table(names, rows)
+            DOCUMENT.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
