@@ -130,7 +130,7 @@ pub fn fill_below<'py>(
     if !(0.0..=1.0).contains(&cutoff) {
         return Err(refuse(format!("cutoff is {cutoff}; it must be between 0 and 1")));
     }
-    let filled = interruptible(py, move |_| Ok(textures::fill_below(&image, 255.0 * cutoff)))?;
+    let filled = interruptible(py, move |_| textures::fill_below(&image, 255.0 * cutoff))?;
     arrays::image_array(py, &filled)
 }
 

@@ -5,6 +5,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::raster::Canvas;
+use crate::error::Result;
 use crate::foliage::Image;
 
 /// Gives each pixel without coverage the color of its surroundings; coverage stays 0. A canvas without covered pixels stays unchanged.
@@ -38,11 +39,15 @@ pub fn fill_gaps(width: usize, pixels: &[Option<[u8; 4]>]) -> Image {
 }
 
 /// Returns the image with the colors around them in texels whose alpha is below `cutoff` (of 255). Alpha stays as it is.
-pub fn fill_below(image: &Image, cutoff: f32) -> Image {
+///
+/// # Errors
+///
+/// Those of [`Image::new`], which an image of the same size never has.
+pub fn fill_below(image: &Image, cutoff: f32) -> Result<Image> {
     let known: Vec<_> = image.pixels().iter().map(|pixel| (f32::from(pixel[3]) >= cutoff).then_some(*pixel)).collect();
     let filled = fill_gaps(image.width(), &known);
     let whole = filled.pixels().iter().zip(image.pixels()).map(|([r, g, b, _], own)| [*r, *g, *b, own[3]]);
-    Image::new(image.width(), image.height(), whole.collect::<Vec<_>>()).expect("the same size")
+    Image::new(image.width(), image.height(), whole.collect::<Vec<_>>())
 }
 
 /// Returns the straight color of a pixel. Pixels without coverage hold it unweighted.
@@ -85,7 +90,7 @@ mod tests {
     #[test]
     fn colors_below_the_cutoff_are_those_around_and_alpha_stays() {
         let pixels = vec![[10, 200, 30, 255], [255, 255, 255, 100], [255, 255, 255, 0], [10, 200, 30, 128]];
-        let filled = fill_below(&Image::new(4, 1, pixels).unwrap(), 127.5);
+        let filled = fill_below(&Image::new(4, 1, pixels).unwrap(), 127.5).unwrap();
         assert_eq!(filled.pixels(), [[10, 200, 30, 255], [10, 200, 30, 100], [10, 200, 30, 0], [10, 200, 30, 128]]);
     }
 
