@@ -3,9 +3,9 @@
 usage: make bench-speed ARGS='[TREE.glb]'      (default: the pine of ../shared/foliage)
 
 The drawn triangles and Cycles' time per picture, for the leaves, levels 1 and 2, and the pruned leaves, from the
-distance where the crown fills the picture to 64 times that. Prints a table in Markdown; for the default tree it also
-writes docs/bench/speed.md and the chart docs/speed.png. `drawing.py` compares each level with the leaves where the
-level takes over.
+distance where the crown fills the picture to 64 times that; and a stand of 500 trees, with leaves alone and with levels
+by distance. Prints tables in Markdown; for the default tree it also writes docs/bench/speed.md and the chart
+docs/speed.png. `drawing.py` compares each level with the leaves where the level takes over.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ import bpy
 import matplotlib
 import matplotlib.pyplot as pyplot
 import numpy as np
+from mathutils import Vector
 from matplotlib.ticker import FuncFormatter
-from stage import FOLIAGE, ROOT, bake_alone, light_up, place, sampling_time, show_only
+from numpy.typing import NDArray
+from stage import FOLIAGE, ROOT, bake_alone, light_up, look_at, place, sampling_time, show_only
 
 from addon.bake.values import Baked
+from addon.levels.forest import Forest, build_forest
 from addon.settings.bake import BakeSettings
 
 matplotlib.use("Agg")  # Without a display.
@@ -36,6 +39,8 @@ FAR = 2.0 ** np.arange(7.0)
 """Z/Z₀."""
 FILLS = 1.0 / math.sin(FIELD_OF_VIEW / 2.0)
 """Z₀ in crown radii: the distance where the crown's sphere touches the picture's edges."""
+STAND, NEAREST = (25, 20), 4.3
+"""Trees of a stand along its width and its depth, two crown radii apart, and the distance to the first, in radii."""
 SUBJECTS = ("leaves", "level 1", "level 2", "leaves, pruned")
 
 INTRODUCTION = f"""# Rendering a cloud instead of its leaves, against distance
@@ -62,7 +67,7 @@ def main() -> None:
     parser.add_argument("tree", nargs="?", type=Path, default=TREE, help="GLB file (default: the measured pine)")
     tree = parser.parse_args().tree
     curves = measure(tree.resolve())
-    text = "\n".join([INTRODUCTION, *far_rows(curves)]) + "\n"
+    text = "\n".join([INTRODUCTION, *far_rows(curves), *stand_rows(tree.resolve())]) + "\n"
     print(text)
     if tree == TREE:
         chart(curves, ROOT / "docs" / "speed.png")
@@ -100,6 +105,39 @@ def far_rows(curves: Sequence[Sequence[Far]]) -> list[str]:
         cells = [text for each in curves for text in (f"{each[i].triangles:,}", f"{each[i].seconds:.2f}")]
         lines.append(f"| {distance:.0f} | " + " | ".join(cells) + " |")
     return lines
+
+
+def stand_rows(tree: Path) -> list[str]:
+    """Return a table of seconds a picture of a stand, by the number of transparent bounces."""
+    baked = bake_alone(tree, BakeSettings())
+    camera, radius = light_up(SIZE, MANY), baked.prepared.foliage.radius
+    bpy.context.scene.collection.children.unlink(baked.collection)
+    across, away = np.meshgrid(np.arange(STAND[0]) - STAND[0] / 2.0, np.arange(STAND[1]))
+    points = 2.0 * radius * np.stack([across, away + NEAREST / 2.0, 0.0 * away], axis=-1).reshape(-1, 3)
+    centre = baked.prepared.foliage.world_centre.tolist()
+    camera.data.angle = FIELD_OF_VIEW
+    look_at(camera, Vector((0.0, radius, centre[2])), Vector((0.0, 0.0, centre[2])))
+    lines = ["", f"{STAND[0] * STAND[1]} trees, from {NEAREST} R on:", ""]
+    lines += ["| transparent bounces | leaves: s | levels: s | times as fast |", "|---|---|---|---|"]
+    for bounces in (8, 64):
+        bpy.context.scene.cycles.transparent_max_bounces = bounces
+        leaves, levels = (
+            stand_time(build_forest(shown, "stand", switch_distances=distances, centre=centre), points)
+            for shown, distances in ((baked.levels[:1], (0.0,)), (baked.levels, baked.switch_distances))
+        )
+        lines.append(f"| {bounces} | {leaves:.2f} | {levels:.2f} | {leaves / levels:.2f} |")
+    return lines
+
+
+def stand_time(forest: Forest, points: NDArray[np.float64]) -> float:
+    mesh = bpy.data.meshes.new("stand")
+    mesh.from_pydata(points.tolist(), [], [])
+    obj = bpy.data.objects.new("stand", mesh)
+    bpy.context.scene.collection.objects.link(obj)
+    forest.plant(obj, width=0.0)
+    seconds = sampling_time(FEW, MANY)
+    bpy.data.objects.remove(obj)
+    return seconds
 
 
 def chart(curves: Sequence[Sequence[Far]], path: Path) -> None:

@@ -23,6 +23,7 @@ from .mesh import read_own_randoms
 from .octahedral import octahedral_object
 from .rollback import removed_on_failure
 from .root import add_root, follow_distance, put_below
+from .sunlight import dim_in_cycles, light_share
 from .trunk import Trunk, TrunkView, simplified, unrolled, whole
 
 NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
@@ -71,7 +72,14 @@ def _object(
         return later_leaf_object(level, number, build)
     if isinstance(level, leafcloud.OctahedralLevel):
         return octahedral_object(level, number, build)
-    return cloud_object(level, None if isinstance(following, NO_CLOUDS) else following, number, build)
+    obj = cloud_object(level, None if isinstance(following, NO_CLOUDS) else following, number, build)
+    if level.method == "cross" and build.light is None:
+        with build.costs.spent_on("far_levels"):
+            before = None if number == 1 else build.chain.levels[number - 2]
+            assert not isinstance(before, leafcloud.OctahedralLevel), "an octahedral impostor is the last level"
+            leaves = build.foliage if before is None else before.foliage()
+            dim_in_cycles(obj.data.materials[0], light_share(level.foliage(), leaves, build))
+    return obj
 
 
 def _triangles(obj: bpy.types.Object) -> int:

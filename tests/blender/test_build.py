@@ -82,7 +82,11 @@ def tree(*, with_trunk: bool = True) -> Tree:
 
 
 FOLIAGE = SimpleNamespace(
-    leaf_ids=np.array([0, 0, 1, 2], np.uint32), centre=np.array([0.5, 0.0, 0.5]), radius=1.0, mirrored=False
+    leaf_ids=np.array([0, 0, 1, 2], np.uint32),
+    centre=np.array([0.5, 0.0, 0.5]),
+    world_centre=np.array([0.5, 0.0, 0.5]),
+    radius=1.0,
+    mirrored=False,
 )
 HAND_OVERS = (
     HandOverKind.FADE,

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import leafcloud
+
 
 @dataclass
 class FakeLevel:
@@ -39,6 +41,11 @@ class FakeLevel:
     @property
     def method(self) -> str:
         return "cross" if self.cloud is None else "stochastic"
+
+    def foliage(self) -> leafcloud.Foliage:
+        first = 4 * np.arange(len(self.corners) // 4)[:, None, None]
+        faces = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+        return leafcloud.Foliage(self.corners.astype(np.float32), faces.astype(np.int32))
 
     def __post_init__(self) -> None:
         unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)

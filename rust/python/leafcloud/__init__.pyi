@@ -64,6 +64,8 @@ LEAST_SAVING: float
 """Fraction of the cost of drawing the level before that a level must save: ``every_level`` in :func:`build_chain`."""
 RAMP: float
 """Maximum fraction of the drawn leaves that is growing in or out; see :func:`leaf_scale`."""
+SKY: float
+"""Light of the sky in :func:`render` with a sun, as a fraction of the base color."""
 
 _T = TypeVar("_T", covariant=True)
 

@@ -4,7 +4,7 @@ use leafcloud::fit::FitSettings;
 use leafcloud::limits::{self, Limits};
 use leafcloud::lod::{ChainSettings, EPSILON_STEP, LEAST_SAVING, PruneSettings};
 use leafcloud::polygons::FRAGMENTS_PER_TRIANGLE;
-use leafcloud::{prune, transition};
+use leafcloud::{metrics, prune, transition};
 use leafcloud_choose::yardstick::UNJUDGED;
 use leafcloud_choose::{HORIZON, LARGEST_CROWN, LATER_CROWN, MEMORY, QUALITY, SIZE, Wishes};
 use leafcloud_curve::{IMAGE_ERROR, SECONDS};
@@ -41,7 +41,8 @@ pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("LEAST_SAVING", LEAST_SAVING)?;
     module.add("FRAGMENTS_PER_TRIANGLE", FRAGMENTS_PER_TRIANGLE)?;
     module.add("HAND_OVER", transition::HAND_OVER)?;
-    module.add("RAMP", prune::RAMP)
+    module.add("RAMP", prune::RAMP)?;
+    module.add("SKY", metrics::SKY)
 }
 
 type Named = (&'static str, PySetting);

@@ -11,7 +11,7 @@ use crate::textures::{Channel, Seen, Shader, Shadow};
 
 /// Brightness of a white surface that faces the sun, and of one that only the sky lights: a clear day, with half of the sky hidden.
 const SUN: f32 = 0.95;
-const SKY: f32 = 0.25;
+pub const SKY: f32 = 0.25;
 
 /// Side of the shadow map in pixels.
 const SHADOW_PIXELS: usize = 512;

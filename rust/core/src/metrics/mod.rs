@@ -11,6 +11,7 @@ mod visibility;
 pub use drawing::{DrawingCost, counted_views, drawing_cost};
 pub(crate) use drawing::{check_scale, check_up};
 use light::Light;
+pub use light::SKY;
 pub(crate) use light::brightness;
 pub(crate) use measure::coverage;
 pub use render::{View, render, render_lit, render_watched, seen_behind};
