@@ -114,9 +114,9 @@ def stand_rows(tree: Path) -> list[str]:
     bpy.context.scene.collection.children.unlink(baked.collection)
     across, away = np.meshgrid(np.arange(STAND[0]) - STAND[0] / 2.0, np.arange(STAND[1]))
     points = 2.0 * radius * np.stack([across, away + NEAREST / 2.0, 0.0 * away], axis=-1).reshape(-1, 3)
-    centre = baked.prepared.foliage.world_centre.tolist()
+    height, centre = baked.prepared.foliage.world_centre[2], tuple(baked.prepared.foliage.centre.tolist())
     camera.data.angle = FIELD_OF_VIEW
-    look_at(camera, Vector((0.0, radius, centre[2])), Vector((0.0, 0.0, centre[2])))
+    look_at(camera, Vector((0.0, radius, height)), Vector((0.0, 0.0, height)))
     lines = ["", f"{STAND[0] * STAND[1]} trees, from {NEAREST} R on:", ""]
     lines += ["| transparent bounces | leaves: s | levels: s | times as fast |", "|---|---|---|---|"]
     for bounces in (8, 64):
