@@ -204,7 +204,7 @@ def main() -> None:
     names = ("plant", "renderer", "sun", "hand-over", "before", "after", "step, color", "step, coverage")
     shrubs = [INPUTS / "up_normals.glb", INPUTS / "bent_normals.glb"]
     rows = []
-    for plant in given.plants or [*measured_trees(), *shrubs, tufts(BAKED)]:
+    for plant in given.plants or [tufts(BAKED), *shrubs, *measured_trees()]:
         run(sys.executable, ROOT / "bake.py", "--input", plant, "--out", BAKED / plant.stem)
         for name in given.renderers.split(";"):
             for row in rows_of(plant.stem, name, tells_steps=given.steps):
