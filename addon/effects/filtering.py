@@ -16,9 +16,8 @@ if TYPE_CHECKING:
 
 class FilteringEffect(Effect):
     about = (
-        "In EEVEE show the share of a pixel that leaves cover, where a cutoff would dissolve them with the distance, "
-        "and keep the color under transparent texels out of their edges. Wanted where EEVEE or the Material Preview "
-        "shows the tree. Costs memory for copies of the leaf textures"
+        "Keep the coverage and the color of distant leaves in EEVEE, where a cutoff would dissolve them. Wanted where "
+        "EEVEE or the Material Preview shows the tree. Costs memory for copies of the leaf textures"
     )
 
     def rule(self, situation: Situation) -> Rule:
