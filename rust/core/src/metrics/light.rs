@@ -9,8 +9,9 @@ use crate::foliage::Foliage;
 use crate::geometry::Frame;
 use crate::textures::{Channel, Seen, Shader, Shadow};
 
-/// Brightness of a white surface that faces the sun, and of one that only the sky lights: a clear day, with half of the sky hidden.
+/// Brightness of a white surface that faces the sun: a clear day, with half of the sky hidden.
 const SUN: f32 = 0.95;
+/// Brightness of a white surface that only the sky lights.
 pub const SKY: f32 = 0.25;
 
 /// Side of the shadow map in pixels.
