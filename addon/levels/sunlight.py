@@ -25,6 +25,9 @@ _SUNS, _SIDE = 24, 64
 """Suns, each with a view of its own, and the side of the pictures in pixels."""
 _DARKEST = 0.5
 
+SHADE_NODE = "Leafcloud Shade"
+"""The node that holds the share of the light that a level does not reflect."""
+
 
 def dim_in_cycles(material: bpy.types.Material, share: float) -> None:
     """Make a level's material reflect this share of the light in Cycles: the rest of each opaque place is black."""
@@ -36,6 +39,7 @@ def dim_in_cycles(material: bpy.types.Material, share: float) -> None:
     section = Section(tree, "Shade between leaves", (everywhere.location.x, everywhere.location.y + 1800.0))
     black = section.node("ShaderNodeBsdfDiffuse", (0.0, 0.0, 0.0, 1.0)).outputs[0]
     lost = section.math("MULTIPLY", opacity.outputs[0], 1.0 - share, label="Shaded share")
+    lost.node.name = SHADE_NODE
     back = tree.nodes.get(BACK_NODE)  # It hides the backs of single-sided levels, black or not.
     target = output.inputs["Surface"] if back is None else back.inputs[1]
     mixed = section.node("ShaderNodeMixShader", lost, target.links[0].from_socket, black).outputs[0]

@@ -20,6 +20,7 @@ from scenes import add_mesh, bake, read
 from addon.bake.values import Baked
 from addon.levels.fading import fading_copy
 from addon.levels.material import hide_back_in_cycles
+from addon.levels.sunlight import SHADE_NODE
 from addon.nodes.laws import NEVER
 from addon.nodes.lod import LodSettings, add_lod_modifier, set_manual
 from addon.settings.bake import BakeSettings
@@ -39,6 +40,9 @@ def baked_shrub(shrub: Path, **settings: object) -> Baked:
     baked = bake(read(), BakeSettings(texture_size=512, last="cross", **settings))
     for obj in baked.prepared.tree.sources:
         obj.hide_render = True
+    for material in bpy.data.materials:  # The preview has no shadows, so the cross impostor needs no shade there.
+        if material.node_tree is not None and SHADE_NODE in material.node_tree.nodes:
+            material.node_tree.nodes[SHADE_NODE].inputs[1].default_value = 0.0
     return baked
 
 
