@@ -112,7 +112,7 @@ def leaves_alone() -> None:
 
 
 def picture(renderer: Renderer, camera: bpy.types.Object, centre: Vector, reach: float) -> NDArray[np.float32]:
-    """Return the picture of a crown whose radius is `reach` of the distance: linear light, premultiplied."""
+    """Return a picture of the crown, linear and premultiplied. reach: radius of the crown over its distance."""
     render = bpy.context.scene.render
     whole = round(MARGIN * ROWS * reach / np.tan(FIELD_OF_VIEW / 2.0))
     side = TRACED if renderer.engine == "CYCLES" else min(max(whole, 16), LARGEST)

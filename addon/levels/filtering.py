@@ -1,9 +1,9 @@
 """Materials that EEVEE may filter: an output of its own without the cutoff, and leaf textures without foreign colors.
 
-EEVEE averages texels in mip levels and cuts out after that: of leaves that cover less than half of a pixel nothing is
-left, and the colors under transparent texels, often white, are mixed in. So its output gets the alpha as it is, which
-EEVEE dithers, and leaf materials a copy of their texture whose transparent texels have the colors around them. Cycles
-does not filter; it and exporters keep the cutoff and the texture.
+EEVEE averages texels in mip levels, then applies the cutoff. Leaves that cover less than half of a pixel vanish, and
+the colors under transparent texels, often white, mix into the others. So EEVEE's output has no cutoff: EEVEE dithers
+the alpha. Leaf materials get a copy of their texture, in which the leaf colors continue under transparent texels.
+Cycles does not filter. Cycles and exporters keep the cutoff and the texture.
 """
 
 from __future__ import annotations

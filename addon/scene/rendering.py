@@ -1,4 +1,4 @@
-"""Settings with which a renderer shows plants wrongly: what is wrong in a line, and how to mend it."""
+"""Find and correct scene settings that darken or hide plants: transparent bounces, Clip End, Transparent Shadows."""
 
 from __future__ import annotations
 

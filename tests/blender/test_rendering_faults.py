@@ -1,4 +1,4 @@
-"""Settings of a scene that show plants wrongly: what is found, and that it is mended."""
+"""Scene settings that darken or hide plants are found and corrected."""
 
 from __future__ import annotations
 

@@ -1269,9 +1269,10 @@ def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""
 
 def fill_below(image: NDArray[np.uint8], cutoff: float) -> NDArray[np.uint8]:
-    """Return an (h, w, 4) image whose texels of an alpha below ``cutoff``, in [0, 1], have the colors around them.
+    """Fill texels of an alpha below ``cutoff``, in [0, 1], with the mean color of the nearest other texels.
 
-    Alpha stays as it is. Mip levels then mix in no color of texels that are not drawn (push-pull, ``dilate.rs``).
+    ``image``: (h, w, 4) sRGB. Alpha stays unchanged. Mip levels then mix in no color of texels that are not drawn
+    (push-pull, ``textures/dilate.rs``). Raises ``LeafcloudError`` for a cutoff out of range.
     """
 
 def read_gltf(path: str, *, names: Sequence[str] | None = None) -> Foliage:

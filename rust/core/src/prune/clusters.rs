@@ -33,7 +33,7 @@ pub struct Cluster {
 /// Sets of leaves that stand for clusters. Those of a coarser set are part of those of each finer one.
 #[derive(Clone, Debug, Default)]
 pub struct Clusters {
-    /// Three quarters of the leaves. They are those of the half, but clusters whose leaves are far apart stay single leaves.
+    /// Three quarters of the leaves: the clusters of the half, the widest of them divided into single leaves.
     pub three_quarters: Vec<Cluster>,
     /// A half of the leaves, a quarter and so on.
     pub halved: [Vec<Cluster>; HALVINGS],

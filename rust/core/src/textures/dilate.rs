@@ -38,7 +38,7 @@ pub fn fill_gaps(width: usize, pixels: &[Option<[u8; 4]>]) -> Image {
     Image::new(width, canvas.height, filled).expect("whole rows")
 }
 
-/// Returns the image with the colors around them in texels whose alpha is below `cutoff` (of 255). Alpha stays as it is.
+/// Fills texels of an alpha below `cutoff`, from 0 to 255, with the mean color of the nearest other texels. Alpha stays unchanged.
 ///
 /// # Errors
 ///
