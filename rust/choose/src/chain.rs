@@ -2,24 +2,27 @@
 //!
 //! 1. Simplified leaves are level 1 where leaves have several triangles and the scene gets cheaper ([`crate::leaves`]).
 //! 2. Drafts find the ε that the quality allows ([`crate::clouds`]). Pages get the texels that the memory allows.
-//! 3. The clouds are built, each for a size. One that does not save half of the cost of the level before is left out.
+//! 3. The clouds are built, each for a size. One that does not save half of the cost of the level before is left out. Where the first one takes over
+//!    as late as the second, no others follow it, and the second is built in its place; the best of these chains is completed.
 //! 4. The yardstick tells the largest size at which each level passes, with the page that files hold ([`crate::settle`]).
 //! 5. Of these and of levels of fewer leaves ([`crate::fewer`]), the cheapest walk through the scene is drawn ([`crate::walk`]).
 //! 6. The octahedral impostor follows where it passes ([`crate::last`]).
 //!
 //! The choice depends on FLIP, whose last digits differ between machines. Figures are rounded where ε follows from them.
 
-use std::cell::OnceCell;
+use std::borrow::Cow;
+use std::cell::{Cell, OnceCell, RefCell};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
-use leafcloud::lod::{self, Chain, ChainSettings, Level, Octahedral, Origin, ViewCounts};
+use leafcloud::lod::{self, Chain, ChainSettings, Level, Octahedral, Origin, References, ViewCounts};
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
 use crate::costs::Prices;
-use crate::last::{Judge, LEAST_STEP, Last, Place, check_last, octahedral};
+use crate::last::{Built, Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::{LeafLevel, leaf_level};
 use crate::settle::{LARGEST_OF_QUICK, Settled, drawn};
 use crate::twigs::{Twigs, thin_branches};
@@ -101,7 +104,7 @@ impl Wanted {
         let settings = &ChainSettings { every_level: settings.every_level || !wishes.sizes.is_empty(), ..settings };
         progress.tell("measure", 0.0)?;
         let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
-        let yardstick = Yardstick::new(foliage, None, settings.up, settings.is_lit(), largest)?;
+        let yardstick = Yardstick::new(Cow::Borrowed(foliage), None, settings.up, settings.is_lit(), largest);
         let thin = trunk.filter(|_| wishes.twigs).map(|trunk| thin_branches(trunk, foliage));
         let tree = Tree::new(foliage, trunk, settings, thin.unwrap_or_default());
         let clouds = progress.part(SHARE_OF_CHOICE, SHARE_OF_CLOUDS);
@@ -112,7 +115,7 @@ impl Wanted {
             }
             _ => {
                 let built = built(foliage, trunk, settings, *wish, clouds)?;
-                tree.judged(built, wishes, &yardstick, clouds.part(1.0, 1.0))?.chosen
+                tree.judged(built, None, wishes, &yardstick, clouds.part(1.0, 1.0))?.chosen
             }
         };
         tree.finished(judged, Some(wishes), *last, progress)
@@ -166,8 +169,16 @@ impl Plan {
         Ok(Self { leaf_level, tried })
     }
 
-    /// Builds the clouds from number `first` on, with or without thin branches.
-    fn built(&self, tree: &Tree, wishes: &Wishes, first: usize, twigs: bool, progress: Progress) -> Result<Chosen> {
+    /// Builds the clouds from number `first` on, with or without thin branches. `goes_on` tells from the first cloud that is made, its number and
+    /// the triangles of the trunk that it shows whether others are wanted.
+    fn built(
+        &self,
+        tree: &Tree,
+        wishes: &Wishes,
+        (first, twigs): (usize, bool),
+        goes_on: impl Fn(&Level, usize, &[u32]) -> Result<bool>,
+        progress: Progress,
+    ) -> Result<Chosen> {
         let Tree { foliage, trunk, settings, .. } = *tree;
         let settings = within_memory(settings, wishes);
         let mut steps = match self.tried.last() {
@@ -183,11 +194,16 @@ impl Plan {
         let settings = ChainSettings { levels: steps.len(), steps, ..settings };
         let twigs = trunk.filter(|_| twigs).map(|trunk| Twigs::of(trunk, foliage, &settings.steps)).transpose()?;
         let twigs = twigs.unwrap_or_default();
-        let origin = Origin { twigs: &twigs.foliage, ..origin(self.leaf_level.as_deref(), foliage) };
+        let origin = origin(self.leaf_level.as_deref(), foliage);
+        let shown = |sets: usize| twigs.triangles[..sets].concat();
+        let goes_on = |level: &Level, number: usize, sets: usize| goes_on(level, number, &shown(sets));
+        let origin = Origin { twigs: &twigs.foliage, whole: tree.whole.get(), goes_on: Some(&goes_on), ..origin };
         let chain = lod::build_chain_of(origin, trunk, &settings, progress)?;
-        let shown = |sets: &usize| twigs.triangles[..*sets].concat();
+        if let Some(whole) = &chain.whole {
+            tree.whole.get_or_init(|| Arc::clone(whole));
+        }
         Ok(Chosen {
-            twigs: chain.twigs.iter().map(shown).collect(),
+            twigs: chain.twigs.iter().map(|&sets| shown(sets)).collect(),
             chain: Arc::new(chain),
             offer: None,
             leaf_levels: self.leaf_level.iter().map(Arc::clone).collect(),
@@ -239,11 +255,23 @@ pub(crate) struct Tree<'a> {
     pub thin: Vec<u32>,
     /// Levels of fewer leaves, once they are known: they are the same for all clouds that are tried.
     pub fewer: OnceCell<Vec<(LeafLevel, Prices)>>,
+    /// Yardsticks for clouds that show these triangles of the trunk.
+    pub yardsticks: RefCell<Vec<(Vec<u32>, Rc<Yardstick<'a>>)>>,
+    /// The yardstick for impostors, which show the trunk, too.
+    of_impostors: Yardstick<'a>,
+    /// The renderings of leaves and trunk that impostors are compared with, once they are known.
+    whole: OnceCell<Arc<References>>,
+    /// The octahedral impostors that were built.
+    octahedral: Built,
 }
 
 impl<'a> Tree<'a> {
     fn new(foliage: &'a Foliage, trunk: Option<&'a Foliage>, settings: &'a ChainSettings, thin: Vec<u32>) -> Self {
-        Self { foliage, trunk, settings, thin, fewer: OnceCell::new() }
+        let (up, lit) = (settings.up, settings.is_lit());
+        let of_impostors =
+            Yardstick::new(Cow::Borrowed(foliage), trunk.map(Cow::Borrowed), up, lit, LARGEST_OF_IMPOSTORS);
+        let (fewer, whole, yardsticks, octahedral) = Default::default();
+        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, whole, octahedral }
     }
 }
 
@@ -278,19 +306,30 @@ impl Tree<'_> {
         yardstick: &Yardstick,
         progress: Progress,
     ) -> Result<Settled> {
-        let judged = |first: usize| {
-            let done = |tries: usize| 1.0 - libm::pow(0.5, tries as f64);
-            let part = progress.part(done(first), done(first + 1));
-            self.judged(plan.built(self, wishes, first, twigs, part)?, wishes, yardstick, part.part(1.0, 1.0))
-        };
-        let mut best = judged(0)?;
         let choices = if plan.tried.is_empty() || self.settings.every_level { 1 } else { self.settings.levels };
+        let done = |tries: usize| 1.0 - libm::pow(0.5, tries as f64);
+        let judged = |first: usize, may_stop: bool, part: Progress| {
+            let (found, stopped) = (Cell::new(None), Cell::new(false));
+            // Where the first cloud takes over as late as the second, the second is tried in its place: others are not worth their time before.
+            let goes_on = |cloud: &Level, number: usize, shown: &[u32]| {
+                let passed = self.passed(cloud, 0, shown, wishes, yardstick)?;
+                found.set(Some(passed));
+                let is_late = CROWNS.get(first + number + 1).is_some_and(|next| passed.crown < *next);
+                stopped.set(may_stop && is_late);
+                Ok(!stopped.get())
+            };
+            let built = plan.built(self, wishes, (first, twigs), goes_on, part)?;
+            let settled = self.judged(built, found.get(), wishes, yardstick, part.part(1.0, 1.0))?;
+            Ok(Settled { stopped: stopped.get(), ..settled })
+        };
+        let part = |tries: usize| progress.part(done(tries), done(tries + 1));
+        let (mut best, mut best_first) = (judged(0, choices > 1, part(0))?, 0);
         for (first, crown) in CROWNS.into_iter().enumerate().take(choices).skip(1) {
             let is_early = first_cloud(&best.chosen).is_some_and(|found| found >= crown);
             if is_early && best.without_first > best.walk.cost - LEAST_GAIN {
                 break;
             }
-            let next = match judged(first) {
+            let next = match judged(first, first + 1 < choices, part(first)) {
                 // A chain that cannot be built is no better.
                 Err(Error::Invalid(_)) => break,
                 next => next?,
@@ -298,13 +337,20 @@ impl Tree<'_> {
             if !next.walk.is_better(&best.walk) {
                 break;
             }
-            best = next;
+            (best, best_first) = (next, first);
         }
-        Ok(best)
+        if !best.stopped {
+            return Ok(best);
+        }
+        match judged(best_first, false, progress.part(done(choices), 1.0)) {
+            Err(Error::Invalid(_)) => Ok(best),
+            whole => whole,
+        }
     }
 
     /// Adds the last level. Where an octahedral impostor takes over nearly as early as the first cloud, it is drawn in place of all clouds.
     fn finished(&self, chosen: Chosen, wishes: Option<&Wishes>, last: Last, progress: Progress) -> Result<Chosen> {
+        self.yardsticks.borrow_mut().clear();
         let crown = first_cloud(&chosen).unwrap_or(f64::INFINITY);
         let may_replace = last == Last::Auto && !self.settings.every_level && chosen.offer.is_none();
         if may_replace && AS_EARLY * crown <= LARGEST_OF_IMPOSTORS as f64 {
@@ -329,15 +375,16 @@ impl Tree<'_> {
         let before_crown = chosen.takes_over.last().map_or(f64::INFINITY, |passed| passed.crown);
         let of_leaves = chosen.leaf_levels.last().map_or(self.foliage, |level| &level.leaves.foliage);
         let before = before.as_ref().unwrap_or(of_leaves);
-        let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain };
+        let built = &self.octahedral;
+        let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain, built };
         let progress = progress.part(SHARE_OF_CLOUDS, 1.0);
         let Some(wishes) = wishes else {
             let made = octahedral(last, None, place, self.settings, progress)?;
-            return Ok(Chosen { octahedral: made.map(|(impostor, _)| Arc::new(impostor)), ..chosen });
+            return Ok(Chosen { octahedral: made.map(|(impostor, _)| impostor), ..chosen });
         };
         let settings = self.settings;
-        let yardstick = Yardstick::new(self.foliage, self.trunk, settings.up, settings.is_lit(), LARGEST_OF_IMPOSTORS)?;
-        let judge = Judge { yardstick: &yardstick, q: wishes.q(), memory_budget: wishes.memory_budget };
+        let yardstick = &self.of_impostors;
+        let judge = Judge { yardstick, q: wishes.q(), memory_budget: wishes.memory_budget };
         let made = octahedral(last, Some(&judge), place, settings, progress)?;
         let most = (before_crown / LEAST_STEP).min(LARGEST_CROWN);
         let of_cross = yardstick.largest(Subject::Foliage(&drawn(cross, wishes)?), wishes.q(), most)?;
@@ -347,7 +394,7 @@ impl Tree<'_> {
             return Ok(Chosen { takes_over, ..chosen });
         };
         takes_over.extend(passed);
-        Ok(Chosen { takes_over, plain: Some(of_cross), octahedral: Some(Arc::new(impostor)), ..chosen })
+        Ok(Chosen { takes_over, plain: Some(of_cross), octahedral: Some(impostor), ..chosen })
     }
 }
 

@@ -11,8 +11,8 @@ use std::time::Instant;
 use glam::DVec3;
 use leafcloud::error::Result;
 use leafcloud::foliage::Opacity;
-use leafcloud::lod::{ChainSettings, prune_trends, report_pictures};
-use leafcloud::metrics::visibility;
+use leafcloud::lod::{ChainSettings, prune_trends, report_of};
+use leafcloud::metrics::{Reference, visibility};
 use leafcloud::prune::{Cluster, Clusters, Kept, clusters};
 use leafcloud::transition::leaf_pivots;
 use leafcloud::{Foliage, Progress};
@@ -81,51 +81,26 @@ impl Whole<'_> {
         let samples = visibility(base, &Opacity::of(base), settings.up, VIEWS, progress)?;
         let seen: Vec<f64> = samples.iter().map(|leaf| leaf.seen).collect();
         let Clusters { three_quarters, halved } = clusters(base, &seen);
-        let judged = |set: Vec<Cluster>, most: f64| self.judged(set, wishes, yardstick, settings, most, progress);
+        let search = Search {
+            whole: self,
+            yardstick,
+            q: wishes.q(),
+            amounts: prune_trends::reference(base, settings.up)?,
+            report: report_of(self.leaves, settings)?,
+            progress,
+        };
         for set in halved {
-            let Some(level) = judged(set, levels.last().map_or(most, |last: &LeafLevel| last.passed.crown))? else {
+            let Some(level) = search.judged(set, levels.last().map_or(most, |last: &LeafLevel| last.passed.crown))?
+            else {
                 break;
             };
             levels.push(level);
         }
         // Where a half does not pass as near as it may, three quarters may.
         if levels.first().is_none_or(|half| half.passed.crown < most) {
-            levels.splice(0..0, judged(three_quarters, most)?);
+            levels.splice(0..0, search.judged(three_quarters, most)?);
         }
         Ok(levels)
-    }
-
-    /// Returns a level of leaves that stand for clusters, with the largest crown up to `most` at which it passes; `None` if it
-    /// passes nowhere or has too many triangles.
-    fn judged(
-        &self,
-        set: Vec<Cluster>,
-        wishes: &Wishes,
-        yardstick: &Yardstick,
-        settings: &ChainSettings,
-        most: f64,
-        progress: Progress,
-    ) -> Result<Option<LeafLevel>> {
-        let (started, base) = (Instant::now(), self.base());
-        let mut standing = Standing::of(base, set);
-        // Protected leaves stay.
-        if standing.kept.triangles.len() as f64 > MOST_KEPT * base.triangle_count() as f64 {
-            return Ok(None);
-        }
-        let growth = prune_trends::growth_of(base, settings.up, progress, |growth| standing.foliage(base, growth))?;
-        standing.grow(growth);
-        let foliage = standing.foliage(base, 1.0)?;
-        let most = most.min(2.0 * MOST_WIDER / standing.widening(base));
-        let passed = yardstick.largest(Subject::Foliage(&foliage), wishes.q(), most)?;
-        if !passed.passes || passed.crown < UNJUDGED {
-            return Ok(None);
-        }
-        let pictures = report_pictures(self.leaves, &foliage, settings)?;
-        let (leaves, pivot_targets) = self.moved(foliage, &standing);
-        let pivots = standing.kept.triangles.iter().map(|&t| pivot_targets[t as usize]).collect();
-        let seconds = started.elapsed().as_secs_f64();
-        let kept = Some(standing.kept);
-        Ok(Some(LeafLevel { leaves, passed, pictures, seconds, kept, pivots, pivot_targets }))
     }
 
     /// Returns the leaves with the places to which all corners and pivots move: onto the larger leaves, or, of leaves that are gone, into their pivots.
@@ -147,6 +122,46 @@ impl Whole<'_> {
         let deviation = (0..targets.len()).flat_map(moves).fold(0.0, f64::max);
         let corners = kept.triangles.iter().map(|&t| own(t)).collect();
         (SimplifiedLeaves { foliage, corners, places, targets, deviation }, pivot_targets)
+    }
+}
+
+/// What all levels of fewer leaves are compared with.
+struct Search<'a> {
+    whole: &'a Whole<'a>,
+    yardstick: &'a Yardstick<'a>,
+    /// Allowed FLIP over the control's.
+    q: f64,
+    /// All leaves, for the growth of those that stand for them.
+    amounts: Reference,
+    /// The tree's leaves in the report's views.
+    report: Reference,
+    progress: Progress<'a>,
+}
+
+impl Search<'_> {
+    /// Returns a level of leaves that stand for clusters, with the largest crown up to `most` at which it passes; `None` if it
+    /// passes nowhere or has too many triangles.
+    fn judged(&self, set: Vec<Cluster>, most: f64) -> Result<Option<LeafLevel>> {
+        let (started, base) = (Instant::now(), self.whole.base());
+        let mut standing = Standing::of(base, set);
+        // Protected leaves stay.
+        if standing.kept.triangles.len() as f64 > MOST_KEPT * base.triangle_count() as f64 {
+            return Ok(None);
+        }
+        let growth = prune_trends::growth_of(&self.amounts, self.progress, |growth| standing.foliage(base, growth))?;
+        standing.grow(growth);
+        let foliage = standing.foliage(base, 1.0)?;
+        let most = most.min(2.0 * MOST_WIDER / standing.widening(base));
+        let passed = self.yardstick.largest(Subject::Foliage(&foliage), self.q, most)?;
+        if !passed.passes || passed.crown < UNJUDGED {
+            return Ok(None);
+        }
+        let pictures = self.report.compare(&[&foliage])?;
+        let (leaves, pivot_targets) = self.whole.moved(foliage, &standing);
+        let pivots = standing.kept.triangles.iter().map(|&t| pivot_targets[t as usize]).collect();
+        let seconds = started.elapsed().as_secs_f64();
+        let kept = Some(standing.kept);
+        Ok(Some(LeafLevel { leaves, passed, pictures, seconds, kept, pivots, pivot_targets }))
     }
 }
 

@@ -4,6 +4,7 @@
 //! costs three of another level's. It is chosen if it passes the yardstick and saves a tenth of the cost of the level before, in the middle of
 //! these distances.
 
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
@@ -52,7 +53,12 @@ pub struct Place<'a> {
     pub before_crown: f64,
     /// The chain of the tree.
     pub chain: &'a Chain,
+    /// Impostors of the tree.
+    pub built: &'a Built,
 }
+
+/// The octahedral impostors of a tree that were built: they are the same beside all chains.
+pub type Built = RefCell<Vec<(Size, Arc<Octahedral>)>>;
 
 impl Place<'_> {
     /// Returns the simplified leaves, if they deviate by less than a texel of the impostor.
@@ -90,15 +96,20 @@ pub fn octahedral(
     place: Place,
     settings: &ChainSettings,
     progress: Progress,
-) -> Result<Option<(Octahedral, Option<Passed>)>> {
+) -> Result<Option<(Arc<Octahedral>, Option<Passed>)>> {
     check_last(last, settings)?;
     let Some(cross) = place.chain.levels.last().filter(|level| level.is_cross()) else { return Ok(None) };
-    let build = |size: Size| {
+    let build = |size: Size| -> Result<Arc<Octahedral>> {
+        if let Some((_, known)) = place.built.borrow().iter().find(|(known, _)| *known == size) {
+            return Ok(Arc::clone(known));
+        }
         let simpler = place.simpler(settings.up, size);
         let known = place.chain.whole.clone();
         let measured = || References::new(place.parts, place.parts, place.parts[0].frame(), settings).map(Arc::new);
         let references = &*known.map_or_else(measured, Ok)?;
-        Octahedral::build(place.parts, simpler, size, references, settings, progress)
+        let built = Octahedral::build(place.parts, simpler, size, references, settings, progress).map(Arc::new)?;
+        place.built.borrow_mut().push((size, Arc::clone(&built)));
+        Ok(built)
     };
     let Some(judge) = judge else {
         return if last == Last::Octahedral {
@@ -112,7 +123,7 @@ pub fn octahedral(
     }
     let is_wished = last == Last::Octahedral;
     let has_room = is_wished || judge.memory_budget >= megabytes(Size::for_crown(LARGEST), place);
-    let judged = |most: f64| -> Result<(Octahedral, Passed)> {
+    let judged = |most: f64| -> Result<(Arc<Octahedral>, Passed)> {
         let largest = most.min(place.before_crown / LEAST_STEP);
         let built = build(if is_wished { Size::default() } else { Size::for_crown(largest) })?;
         let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
@@ -132,7 +143,7 @@ pub fn octahedral(
 /// The yardstick for an octahedral impostor, and its limits.
 pub struct Judge<'a> {
     /// Pictures of leaves and trunk.
-    pub yardstick: &'a Yardstick,
+    pub yardstick: &'a Yardstick<'a>,
     /// Allowed FLIP over the control's.
     pub q: f64,
     /// Budget of the compressed textures of all levels in MB.

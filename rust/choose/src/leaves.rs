@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 use leafcloud::error::Result;
-use leafcloud::lod::{ChainSettings, LEAST_SAVING, Origin, report_pictures};
+use leafcloud::lod::{ChainSettings, LEAST_SAVING, Origin, report_of};
 use leafcloud::metrics::Comparison;
 use leafcloud::prune::Kept;
 use leafcloud::transition::leaf_pivots;
@@ -60,10 +60,9 @@ impl LeafLevel {
     #[must_use]
     pub fn origin<'a>(&'a self, leaves: &'a Foliage) -> Origin<'a> {
         Origin {
-            leaves,
             finest: &self.leaves.foliage,
             deviation: self.leaves.deviation * leaves.frame().radius,
-            twigs: &[],
+            ..Origin::of(leaves)
         }
     }
 }
@@ -116,7 +115,7 @@ pub fn leaf_level(
             _ => Ok(None),
         };
     };
-    let pictures = report_pictures(foliage, &leaves.foliage, settings)?;
+    let pictures = report_of(foliage, settings)?.compare(&[&leaves.foliage])?;
     let (pivots, seconds) = (leaf_pivots(foliage), started.elapsed().as_secs_f64());
     let of_leaves = |ids: &[u32]| ids.iter().map(|&leaf| pivots[leaf as usize]).collect();
     let (pivot_targets, pivots) = (of_leaves(foliage.leaf_ids()), of_leaves(leaves.foliage.leaf_ids()));

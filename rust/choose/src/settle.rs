@@ -1,6 +1,8 @@
 //! Settles where the levels of a built chain take over.
 
+use std::borrow::Cow;
 use std::collections::HashSet;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
@@ -20,9 +22,6 @@ use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 /// Greatest excess with which a cloud takes over that passes nowhere, where it is closest to passing. The bake says so.
 const NEARLY: f64 = 2.0;
 
-/// Side of the largest pictures for clouds after the first: they take over at up to [`LATER_CROWN`] pixels.
-const LARGEST_OF_LATER: usize = 256;
-
 /// Side of the largest pictures of a quick choice.
 pub const LARGEST_OF_QUICK: usize = 128;
 
@@ -37,33 +36,44 @@ pub struct Settled {
     pub walk: Walk,
     /// The logarithm of the cost without its first cloud; infinite if it has one or none.
     pub without_first: f64,
+    /// Whether clouds were left out because the first one takes over late.
+    pub stopped: bool,
 }
 
-impl Tree<'_> {
-    /// Finds where leaves and clouds take over. Fewer leaves come before the clouds, where the tree is then cheaper to draw.
+impl<'a> Tree<'a> {
+    /// Finds where cloud number `number` takes over. `twigs`: the triangles of the trunk that it shows.
+    pub fn passed(
+        &self,
+        cloud: &Level,
+        number: usize,
+        twigs: &[u32],
+        wishes: &Wishes,
+        yardstick: &Yardstick,
+    ) -> Result<Passed> {
+        let usual = if number == 0 { wishes.largest_crown() } else { LATER_CROWN };
+        let most = wishes.crown(number).unwrap_or(usual);
+        let with_twigs = if twigs.is_empty() { None } else { self.yardstick_with(twigs, wishes)? };
+        let yardstick = with_twigs.as_deref().unwrap_or(yardstick);
+        let passed = yardstick.largest(Subject::Foliage(&drawn(cloud, wishes)?), wishes.q(), most)?;
+        let nearly = !passed.passes && passed.judged.excess(wishes.q()).0 <= NEARLY;
+        let crown = if nearly { passed.judged.crown.min(most) } else { passed.crown };
+        Ok(Passed { crown, ..passed })
+    }
+
+    /// Finds where leaves and clouds take over. `first`: where the first cloud does, if that is known. Fewer leaves come before the clouds, where the tree is then cheaper to draw.
     pub fn judged(
         &self,
         chosen: Chosen,
+        first: Option<Passed>,
         wishes: &Wishes,
         yardstick: &Yardstick,
         progress: Progress,
     ) -> Result<Settled> {
         let mut takes_over: Vec<Passed> = chosen.leaf_levels.iter().map(|level| level.passed).collect();
-        let (mut twigs_before, mut with_twigs) = (0, None);
         for (number, level) in clouds(&chosen.chain).enumerate() {
-            let usual = if number == 0 { wishes.largest_crown() } else { LATER_CROWN };
-            let most = wishes.crown(number).unwrap_or(usual);
             let twigs = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
-            if twigs.len() > twigs_before {
-                let is_small = number > 0 && wishes.crown(number).is_none();
-                with_twigs = self.yardstick_with(twigs, is_small, wishes)?;
-                twigs_before = twigs.len();
-            }
-            let yardstick = with_twigs.as_ref().unwrap_or(yardstick);
-            let passed = yardstick.largest(Subject::Foliage(&drawn(level, wishes)?), wishes.q(), most)?;
-            let nearly = !passed.passes && passed.judged.excess(wishes.q()).0 <= NEARLY;
-            let crown = if nearly { passed.judged.crown.min(most) } else { passed.crown };
-            takes_over.push(Passed { crown, ..passed });
+            let known = first.filter(|_| number == 0);
+            takes_over.push(known.map_or_else(|| self.passed(level, number, twigs, wishes, yardstick), Ok)?);
         }
         let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level);
         self.settled(chosen, wishes, yardstick, progress)
@@ -91,7 +101,7 @@ impl Tree<'_> {
             without_first = scenes.best(&levels, room, 1).cost;
         }
         let fewer = fewer.iter().map(|(level, _)| level.clone()).collect();
-        Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first })
+        Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first, stopped: false })
     }
 
     /// Returns what the levels of a chain cost to draw.
@@ -144,16 +154,21 @@ impl Tree<'_> {
         Prices::of(&parts, self.foliage.frame().radius, self.settings.up, scene)
     }
 
-    /// Returns the yardstick for a cloud that shows these triangles of the trunk, too; `None` without any.
-    fn yardstick_with(&self, twigs: &[u32], is_small: bool, wishes: &Wishes) -> Result<Option<Yardstick>> {
-        let Some(twigs) = wood(self.trunk, twigs)? else { return Ok(None) };
+    /// Returns the yardstick for a cloud that shows these triangles of the trunk, too; `None` without any. All chains that are tried share it.
+    fn yardstick_with(&self, twigs: &[u32], wishes: &Wishes) -> Result<Option<Rc<Yardstick<'a>>>> {
+        let mut yardsticks = self.yardsticks.borrow_mut();
+        let mut twigs = twigs.to_vec();
+        twigs.sort_unstable();
+        if let Some((_, known)) = yardsticks.iter().find(|(known, _)| *known == twigs) {
+            return Ok(Some(Rc::clone(known)));
+        }
+        let Some(wood) = wood(self.trunk, &twigs)? else { return Ok(None) };
         let Self { foliage, settings, .. } = self;
-        let largest = match (wishes.is_quick(), is_small) {
-            (true, _) => LARGEST_OF_QUICK,
-            (false, true) => LARGEST_OF_LATER,
-            (false, false) => LARGEST,
-        };
-        Yardstick::new(foliage, Some(&twigs), settings.up, settings.is_lit(), largest).map(Some)
+        let largest = if wishes.is_quick() { LARGEST_OF_QUICK } else { LARGEST };
+        let (leaves, wood) = (Cow::Borrowed(*foliage), Some(Cow::Owned(wood)));
+        let made = Rc::new(Yardstick::new(leaves, wood, settings.up, settings.is_lit(), largest));
+        yardsticks.push((twigs, Rc::clone(&made)));
+        Ok(Some(made))
     }
 }
 

@@ -5,8 +5,11 @@
 //! have FLIP of q times the control's; contrast of the three finest octaves, coverage and mean color must be those of the leaves; and from
 //! [`CELLS_FROM`] pixels on the cells of the crown must be covered as in the control.
 //!
-//! Pictures have the diameters of the crown that halve from [`LARGEST`]; each is rendered twice as large, so its pixels are means. O(views ·
-//! pixels) for each.
+//! Pictures have the diameters of the crown that halve from [`LARGEST`]. They are means of pictures twice as large, up to that size: the two
+//! largest are of the same ones. O(views · pixels) for each.
+
+use std::borrow::Cow;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::DVec3;
 use leafcloud::error::Result;
@@ -100,41 +103,82 @@ impl Subject<'_> {
     }
 }
 
-/// Pictures of the leaves and of the control, from the largest.
-pub struct Yardstick(Vec<Size>);
-
-struct Size {
-    side: usize,
-    /// The leaves, twice as large.
-    reference: Reference,
-    /// The control, for each light.
-    control: Vec<Looks>,
+/// Pictures of the leaves and of the control. They are rendered when a level is first judged by them.
+pub struct Yardstick<'a> {
+    leaves: Cow<'a, Foliage>,
+    /// Parts that no breeze moves.
+    still: Option<Cow<'a, Foliage>>,
+    up: DVec3,
+    lit: bool,
+    /// From the largest: sizes whose pictures are means of the same renderings, and these.
+    pictures: Vec<(Vec<Size>, OnceLock<Rendered>)>,
 }
 
-impl Yardstick {
-    /// Renders the leaves and the control, with pictures of at most `largest` pixels. `still`: parts that no breeze moves, which levels show, too.
+/// Renderings of the leaves of one size.
+struct Rendered {
+    reference: Reference,
+    /// The control by the motion of its leaves: crowns of different sizes may sway by as much.
+    swaying: Mutex<Option<(f64, Arc<Comparison>)>>,
+}
+
+/// Pictures of one size, as means of renderings.
+struct Size {
+    side: usize,
+    /// The control, for each light.
+    control: OnceLock<Vec<Looks>>,
+}
+
+impl<'a> Yardstick<'a> {
+    /// Judges by pictures of at most `largest` pixels. `still`: parts that no breeze moves, which levels show, too. `up` has a finite length above 0.
     /// `lit`: also under a sun.
-    ///
-    /// # Errors
-    /// An `up` without a finite length above 0.
-    pub fn new(leaves: &Foliage, still: Option<&Foliage>, up: DVec3, lit: bool, largest: usize) -> Result<Self> {
+    #[must_use]
+    pub fn new(
+        leaves: Cow<'a, Foliage>,
+        still: Option<Cow<'a, Foliage>>,
+        up: DVec3,
+        lit: bool,
+        largest: usize,
+    ) -> Self {
         let sides = std::iter::successors(Some(largest), |side| Some(side / 2)).take_while(|side| *side >= SMALLEST);
-        let render = if lit { Reference::lit } else { Reference::new };
-        let size = |side: usize| {
-            let size = (2 * side).min(LARGEST);
-            let views = Views { count: VIEWS, size, samples: Samples::new(2)?, up, turn: 0.5 };
-            let reference = render(&with(leaves, still), leaves.frame(), views)?;
-            let control = swayed(leaves, motion(crown_pixels(side as f64)))?;
-            let pictures = reference.compare(&with(&control, still))?;
-            let control = lights(&pictures).filter_map(|pictures| mean(pictures, side)).collect();
-            Ok(Size { side, reference, control })
+        let sides: Vec<usize> = sides.collect();
+        let groups = sides.chunk_by(|a, b| rendered_side(*a) == rendered_side(*b));
+        let size = |&side: &usize| Size { side, control: OnceLock::new() };
+        let pictures = groups.map(|sides| (sides.iter().map(size).collect(), OnceLock::new())).collect();
+        Self { leaves, still, up, lit, pictures }
+    }
+
+    fn rendered<'b>(&self, side: usize, known: &'b OnceLock<Rendered>) -> Result<&'b Rendered> {
+        if let Some(known) = known.get() {
+            return Ok(known);
+        }
+        let Self { leaves, still, up, lit, .. } = self;
+        let render = if *lit { Reference::lit } else { Reference::new };
+        let views = Views { count: VIEWS, size: rendered_side(side), samples: Samples::new(2)?, up: *up, turn: 0.5 };
+        let reference = render(&parts(leaves, still.as_deref()), leaves.frame(), views)?;
+        Ok(known.get_or_init(|| Rendered { reference, swaying: Mutex::default() }))
+    }
+
+    /// Returns the figures of the control, for each light.
+    fn control<'b>(&self, size: &'b Size, rendered: &Rendered) -> Result<&'b [Looks]> {
+        if let Some(known) = size.control.get() {
+            return Ok(known);
+        }
+        let motion = motion(crown_pixels(size.side as f64));
+        let swaying = || rendered.swaying.lock().unwrap_or_else(PoisonError::into_inner);
+        let compared = || -> Result<Arc<Comparison>> {
+            let swayed = swayed(&self.leaves, motion)?;
+            rendered.reference.compare(&parts(&swayed, self.still.as_deref())).map(Arc::new)
         };
-        Ok(Self(sides.map(size).collect::<Result<_>>()?))
+        let known = swaying().clone().filter(|(known, _)| *known == motion);
+        let pictures = known.map_or_else(compared, |(_, pictures)| Ok(pictures))?;
+        *swaying() = Some((motion, Arc::clone(&pictures)));
+        let looks = || lights(&pictures).filter_map(|pictures| mean(pictures, size.side)).collect();
+        Ok(size.control.get_or_init(looks))
     }
 
     /// Returns the sides of the pictures, from the largest.
     pub fn sides(&self) -> impl Iterator<Item = usize> + '_ {
-        self.0.iter().map(|size| size.side)
+        self.pictures.iter().flat_map(|(sizes, _)| sizes).map(|size| size.side)
     }
 
     /// Judges a level where its pictures are `side` pixels wide. `None` for an unknown size, or without leaves in the pictures.
@@ -142,18 +186,10 @@ impl Yardstick {
     /// # Errors
     /// Those of a render.
     pub fn judge(&self, level: Subject, side: usize, q: f64) -> Result<Option<Judgement>> {
-        let Some(Size { reference, control, .. }) = self.0.iter().find(|size| size.side == side) else {
-            return Ok(None);
-        };
-        let crown = crown_pixels(side as f64);
-        let of_light = |(pictures, control): (&Pictures, &Looks)| {
-            let looks = mean(pictures, side)?;
-            let places = if side < CELLS_FROM { 0.0 } else { looks.cells / control.cells.max(1e-6) };
-            Some(Judgement { crown, looks, difference: looks.flip / control.flip.max(1e-6), places })
-        };
-        let pictures = level.beside(reference)?;
-        let judged = lights(&pictures).zip(control).filter_map(of_light);
-        Ok(judged.max_by(|a, b| a.excess(q).0.total_cmp(&b.excess(q).0)))
+        let sizes = self.pictures.iter().flat_map(|(sizes, known)| sizes.iter().map(move |size| (size, known)));
+        let Some((size, known)) = sizes.into_iter().find(|(size, _)| size.side == side) else { return Ok(None) };
+        let rendered = self.rendered(side, known)?;
+        Ok(size.judged(&level.beside(&rendered.reference)?, self.control(size, rendered)?, q))
     }
 
     /// Returns the largest diameter of the crown in pixels at which a level passes, up to `most`, with its judgement in the pictures nearest to it.
@@ -164,26 +200,49 @@ impl Yardstick {
     /// Those of a render.
     pub fn largest(&self, level: Subject, q: f64, most: f64) -> Result<Passed> {
         let (mut above, mut nearly): (Option<Judgement>, Option<Judgement>) = (None, None);
-        for side in self.sides() {
-            let is_last = side / 2 < SMALLEST;
-            if crown_pixels(side as f64) > 1.5 * most && !is_last {
+        let is_judged = |side: usize| crown_pixels(side as f64) <= 1.5 * most || side / 2 < SMALLEST;
+        for (sizes, known) in &self.pictures {
+            if !sizes.iter().any(|size| is_judged(size.side)) {
                 continue;
             }
-            let Some(judged) = self.judge(level, side, q)? else { continue };
-            let (excess, _) = judged.excess(q);
-            if excess <= 1.0 {
-                let over = above.map(|above| (above.crown, above.excess(q).0));
-                let crown = over.map_or(most, |(crown, larger)| {
-                    judged.crown * libm::pow(crown / judged.crown, (1.0 - excess) / (larger - excess))
-                });
-                return Ok(Passed { crown: crown.min(most), judged, passes: true });
-            }
-            above = Some(judged);
-            if judged.crown <= SMALLISH && nearly.is_none_or(|known| excess < known.excess(q).0) {
-                nearly = above;
+            let rendered = self.rendered(sizes[0].side, known)?;
+            let pictures = level.beside(&rendered.reference)?;
+            for size in sizes.iter().filter(|size| is_judged(size.side)) {
+                let Some(judged) = size.judged(&pictures, self.control(size, rendered)?, q) else { continue };
+                let (excess, _) = judged.excess(q);
+                if excess <= 1.0 {
+                    let over = above.map(|above| (above.crown, above.excess(q).0));
+                    let crown = over.map_or(most, |(crown, larger)| {
+                        judged.crown * libm::pow(crown / judged.crown, (1.0 - excess) / (larger - excess))
+                    });
+                    return Ok(Passed { crown: crown.min(most), judged, passes: true });
+                }
+                above = Some(judged);
+                if judged.crown <= SMALLISH && nearly.is_none_or(|known| excess < known.excess(q).0) {
+                    nearly = above;
+                }
             }
         }
         Ok(Passed { crown: UNJUDGED, judged: nearly.unwrap_or_default(), passes: false })
+    }
+}
+
+/// Returns the side of the pictures that are rendered for a size.
+fn rendered_side(side: usize) -> usize {
+    (2 * side).min(LARGEST)
+}
+
+impl Size {
+    /// Judges pictures of a level beside the leaves, by the figures of the control. `None` without leaves in them.
+    fn judged(&self, pictures: &Comparison, control: &[Looks], q: f64) -> Option<Judgement> {
+        let crown = crown_pixels(self.side as f64);
+        let of_light = |(pictures, control): (&Pictures, &Looks)| {
+            let looks = mean(pictures, self.side)?;
+            let places = if self.side < CELLS_FROM { 0.0 } else { looks.cells / control.cells.max(1e-6) };
+            Some(Judgement { crown, looks, difference: looks.flip / control.flip.max(1e-6), places })
+        };
+        let judged = lights(pictures).zip(control).filter_map(of_light);
+        judged.max_by(|a, b| a.excess(q).0.total_cmp(&b.excess(q).0))
     }
 }
 
@@ -198,7 +257,7 @@ pub struct Passed {
     pub passes: bool,
 }
 
-fn with<'a>(leaves: &'a Foliage, still: Option<&'a Foliage>) -> Vec<&'a Foliage> {
+fn parts<'a>(leaves: &'a Foliage, still: Option<&'a Foliage>) -> Vec<&'a Foliage> {
     std::iter::once(leaves).chain(still).collect()
 }
 

@@ -3,6 +3,8 @@
 #[path = "../../curve/tests/common/mod.rs"]
 mod common;
 
+use std::borrow::Cow;
+
 use common::crown;
 use glam::DVec3;
 use leafcloud::Foliage;
@@ -13,8 +15,8 @@ use leafcloud_choose::{Judgement, Subject, Yardstick};
 /// Side of the pictures that are judged.
 const SIDE: usize = 128;
 
-fn yardstick(leaves: &Foliage) -> Yardstick {
-    Yardstick::new(leaves, None, DVec3::Z, true, SIDE).unwrap()
+fn yardstick(leaves: &Foliage) -> Yardstick<'_> {
+    Yardstick::new(Cow::Borrowed(leaves), None, DVec3::Z, true, SIDE)
 }
 
 fn judged(yardstick: &Yardstick, level: &Foliage) -> Judgement {

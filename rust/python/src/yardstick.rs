@@ -1,5 +1,6 @@
 //! `Yardstick`: whether a level looks like its leaves, by what an equally good tree passes.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use leafcloud::Foliage;
@@ -15,27 +16,24 @@ use crate::tools::upright;
 use crate::work::interruptible;
 
 #[pyclass(name = "Yardstick", module = "leafcloud", frozen)]
-pub struct PyYardstick(Arc<Yardstick>);
+pub struct PyYardstick(Arc<Yardstick<'static>>);
 
 #[pymethods]
 impl PyYardstick {
     #[new]
     #[pyo3(signature = (leaves, *, still = None, up = None, lit = true))]
     fn new(
-        py: Python<'_>,
         leaves: &Bound<'_, PyAny>,
         still: Option<&Bound<'_, PyAny>>,
         up: Option<&Bound<'_, PyAny>>,
         lit: bool,
     ) -> PyResult<Self> {
-        let foliage = |value: &Bound<'_, PyAny>, name| -> PyResult<Arc<Foliage>> {
+        let foliage = |value: &Bound<'_, PyAny>, name| -> PyResult<Cow<'static, Foliage>> {
             let value: Bound<'_, PyFoliage> = read(value, name, "a Foliage")?;
-            Ok(Arc::clone(&value.get().0))
+            Ok(Cow::Owned(Foliage::clone(&value.get().0)))
         };
         let (leaves, still) = (foliage(leaves, "leaves")?, still.map(|still| foliage(still, "still")).transpose()?);
-        let up = upright(up)?;
-        let made = interruptible(py, move |_| Yardstick::new(&leaves, still.as_deref(), up, lit, LARGEST))?;
-        Ok(Self(Arc::new(made)))
+        Ok(Self(Arc::new(Yardstick::new(leaves, still, upright(up)?, lit, LARGEST))))
     }
 
     #[pyo3(signature = (level, *, q = 1.0))]

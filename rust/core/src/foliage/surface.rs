@@ -127,24 +127,30 @@ impl<'a> Surface<'a> {
 
     /// Returns whether the point at the barycentric weights is drawn; partial alpha is drawn if its share is above `threshold`.
     pub fn passes(&self, weights: Vec3, threshold: f32) -> bool {
-        self.passes_at(self.uv(weights), weights, || threshold)
+        self.passes_at(self.uv(weights), || weights, || threshold)
     }
 
     /// Like [`Self::passes`], for the point `steps` after the point of the same row with the UV `first`.
-    pub fn passes_behind(&self, first: Vec2, steps: usize, weights: Vec3, threshold: impl FnOnce() -> f32) -> bool {
+    pub fn passes_behind(
+        &self,
+        first: Vec2,
+        steps: usize,
+        weights: impl FnOnce() -> Vec3,
+        threshold: impl FnOnce() -> f32,
+    ) -> bool {
         self.passes_at(first + self.across * steps as f32, weights, threshold)
     }
 
     // Thresholds cost as much as a lookup, and masks from nearby need none.
-    fn passes_at(&self, uv: Vec2, weights: Vec3, threshold: impl FnOnce() -> f32) -> bool {
+    fn passes_at(&self, uv: Vec2, weights: impl FnOnce() -> Vec3, threshold: impl FnOnce() -> f32) -> bool {
         match self.alpha {
             Alpha::All => true,
-            Alpha::Cut(image, cutoff) => self.factor(weights).w * Texels::at(image, uv).alpha() >= cutoff,
-            Alpha::Share(image) => self.factor(weights).w * Texels::at(image, uv).alpha() > threshold(),
+            Alpha::Cut(image, cutoff) => self.alpha_factor(weights) * Texels::at(image, uv).alpha() >= cutoff,
+            Alpha::Share(image) => self.alpha_factor(weights) * Texels::at(image, uv).alpha() > threshold(),
             Alpha::Level(level) => f32::from(nearest(level, uv)) > threshold() * 255.0,
             Alpha::Flat => match self.material.alpha_mode {
-                AlphaMode::Mask(cutoff) => self.factor(weights).w >= a_hair_less(cutoff),
-                _ => self.factor(weights).w > threshold(),
+                AlphaMode::Mask(cutoff) => self.alpha_factor(weights) >= a_hair_less(cutoff),
+                _ => self.alpha_factor(weights) > threshold(),
             },
         }
     }
@@ -212,6 +218,12 @@ impl<'a> Surface<'a> {
         }
     }
 
+    fn alpha_factor(&self, weights: impl FnOnce() -> Vec3) -> f32 {
+        let Some([a, b, c]) = &self.colors else { return self.material.base_color.w };
+        let weights = weights();
+        self.material.base_color.w * (a.w * weights.x + b.w * weights.y + c.w * weights.z)
+    }
+
     /// Samples an image; white without one.
     fn texture(&self, image: Option<&Image>, spot: Spot, encoding: Encoding) -> Vec3 {
         let Some(image) = image else { return Vec3::ONE };
@@ -236,6 +248,17 @@ fn least_drawn(material: &Material) -> Option<(&Image, f32)> {
         // A cutoff of 0 draws everything, also at a factor of 0.
         AlphaMode::Mask(cutoff) => Some((image, a_hair_less((cutoff / material.base_color.w).max(0.0) * 255.0))),
         AlphaMode::Blend => Some((image, 1.0)),
+    }
+}
+
+impl Image {
+    /// Returns whether a surface with this image is drawn at a point: from the cutoff on, or if its alpha is above a threshold.
+    pub(crate) fn is_drawn(&self, uv: Vec2, mode: AlphaMode, threshold: f32) -> bool {
+        match mode {
+            AlphaMode::Opaque => true,
+            AlphaMode::Mask(cutoff) => Texels::at(self, uv).alpha() >= a_hair_less(cutoff),
+            AlphaMode::Blend => Texels::at(self, uv).alpha() > threshold,
+        }
     }
 }
 

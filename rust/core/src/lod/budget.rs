@@ -31,10 +31,15 @@ pub const STEP_IN_SCENES: usize = 4;
 /// Largest share of level 1's triangles for the trunk.
 const TRUNK_SHARE: f64 = 0.25;
 
+/// Returns the budgets to try for a level. `finer`: triangles that the level before draws; `None` for level 1.
+pub fn of(settings: &ChainSettings, finer: Option<usize>, leaves: &Foliage, trunk: Option<&Foliage>) -> Vec<usize> {
+    finer.map_or_else(|| of_first(settings, leaves, trunk), |finer| vec![of_next(settings, finer)])
+}
+
 /// Returns budgets of triangles for the leaves of level 1: the usual share, and the most that a level may have, if the level is not worth
 /// making with its share. A small tree's level 1 may be cheaper with more. Each is the tree's budget without the trunk's share. A wish is the
 /// only one. `leaves`: the tree's own.
-pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Foliage>) -> Vec<usize> {
+fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Foliage>) -> Vec<usize> {
     let trunk = trunk.map_or(0, Foliage::triangle_count);
     let without_trunk = |all: usize| all - trunk.min((TRUNK_SHARE * all as f64) as usize);
     if let Some(wish) = settings.triangles {
@@ -55,7 +60,7 @@ pub fn of_first(settings: &ChainSettings, leaves: &Foliage, trunk: Option<&Folia
 }
 
 /// Returns the budget for the level after one that draws `finer` triangles.
-pub fn of_next(settings: &ChainSettings, finer: usize) -> usize {
+fn of_next(settings: &ChainSettings, finer: usize) -> usize {
     finer / if settings.steps.is_empty() { STEP } else { STEP_IN_SCENES }
 }
 

@@ -22,14 +22,15 @@ use crate::outlines::in_plane;
 use crate::progress::Progress;
 use crate::textures::{Channels, Drawn, Samples, Sky, bake_timed};
 
-/// Builds the cross impostor. `parts[0]` is the leaves; the atlas page is no larger than `most`. Also returns the renderings of all parts.
+/// Builds the cross impostor. `parts[0]` is the leaves; the atlas page is no larger than `most`. `references`: the renderings of all parts.
 pub(super) fn build(
     parts: &[&Foliage],
     most: PageSize,
     channels: (&Channels, Option<&Sky>),
+    references: &References,
     settings: &ChainSettings,
     progress: Progress,
-) -> Result<(Level, References)> {
+) -> Result<Level> {
     let started = Instant::now();
     progress.tell("pack", 0.0)?;
     let leaves = parts[0];
@@ -67,8 +68,6 @@ pub(super) fn build(
     let (page, channel_seconds) = bake_timed(&atlas, samples, channels, drawn, baking)?;
     let baked = Instant::now();
     progress.tell("tune", 0.8)?;
-    let references = References::new(parts, parts, &frame, settings)?;
-    progress.tell("tune", 0.85)?;
     let leaves = &references.tuning;
     let (page, alpha_cutoff, atlas) = if settings.blended {
         let page = tune::blended(&atlas, &page, &frame, !two_sided, leaves)?;
@@ -76,8 +75,8 @@ pub(super) fn build(
         (page, 0.0, atlas)
     } else {
         let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), radius_pixels, usize::MAX, settings);
-        let cut_out = CutOut { atlas: &atlas, frame: &frame, double_sided: !two_sided, leaves, mip: SEEN_MIP };
-        let (page, cutoff, _) = cut_out.settled(page)?;
+        let plain = billboards(&atlas, &frame, page.material(0.0, !two_sided))?;
+        let (page, cutoff, _) = CutOut::of(&plain, leaves, SEEN_MIP)?.settled(page)?;
         (page, cutoff, atlas)
     };
     progress.tell("tune", 0.9)?;
@@ -87,7 +86,7 @@ pub(super) fn build(
     let coverage = pictures.coverage();
     tune::check_shown(coverage, &page, alpha_cutoff)?;
     let (sum, count) = triangles.iter().flat_map(|t| &t.2).map(heights).fold((0.0, 0usize), |(s, n), h| (s + h, n + 1));
-    let level = Level {
+    Ok(Level {
         method: "cross",
         epsilon: None,
         cloud: None,
@@ -115,8 +114,7 @@ pub(super) fn build(
             refine: 0.0,
         },
         channel_seconds,
-    };
-    Ok((level, references))
+    })
 }
 
 /// Least number of texels along a pixel where the cross impostor takes over.

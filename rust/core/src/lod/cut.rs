@@ -13,13 +13,10 @@
 //!
 //! Known limit: needles much thinner than a pixel are lost on the last of these mip levels for renderers that cut out.
 
-use super::billboards::billboards;
 use super::tune::{COVERAGE_ERROR, least_excess};
-use crate::atlas::Atlas;
 use crate::error::Result;
-use crate::foliage::{AlphaMode, Image, Material};
-use crate::geometry::Frame;
-use crate::metrics::Reference;
+use crate::foliage::{AlphaMode, Foliage, Image};
+use crate::metrics::{Layered, Reference};
 use crate::textures::{Page, bent, mips};
 
 /// Cutoffs at which coverage is measured; it falls evenly between them.
@@ -49,14 +46,10 @@ const BEHIND: usize = 2;
 
 /// Billboards whose page is cut out.
 pub struct CutOut<'a> {
-    /// The layout with tight polygons.
-    pub atlas: &'a Atlas,
-    pub frame: &'a Frame,
-    pub double_sided: bool,
-    /// Renderings of the leaves.
-    pub leaves: &'a Reference,
+    /// The billboards in the views of the leaves.
+    layered: Layered<'a>,
     /// The mip level with texels of about a pixel where the level takes over.
-    pub mip: usize,
+    mip: usize,
 }
 
 /// Returns the mip level that renderers read if a texel of the page is `pixels_per_texel` pixels wide. Between two levels it is mostly the
@@ -65,14 +58,23 @@ pub fn mip_of(pixels_per_texel: f64) -> usize {
     (0.25 - libm::log2(pixels_per_texel.max(f64::MIN_POSITIVE))).floor().max(0.0) as usize
 }
 
-impl CutOut<'_> {
+impl<'a> CutOut<'a> {
+    /// Prepares billboards to be compared with renderings of the leaves. `mip`: the mip level with texels of about a pixel where the level takes
+    /// over.
+    ///
+    /// # Errors
+    /// Those of a render.
+    pub fn of(billboards: &Foliage, leaves: &'a Reference, mip: usize) -> Result<Self> {
+        Ok(Self { layered: leaves.layered(billboards)?, mip })
+    }
+
     /// Returns the page, its cutoff, and its coverage of the leaves. The coverage is that before leaves that are too thin are widened.
     ///
     /// # Errors
-    /// No billboard has an area.
+    /// Never: the search passes errors on, and coverage has none.
     pub fn settled(&self, page: Page) -> Result<(Page, f32, f64)> {
         let page = self.as_shares(page)?;
-        let coverage = self.measured(&page)?;
+        let coverage = self.measured(&page);
         if between(&coverage.near[0], CUTOFFS[0]) < TOO_THIN {
             let covered = between(&coverage.near[0], CUTOFFS[0]);
             return Ok((self.widened(page)?, CUTOFFS[0] as f32, covered));
@@ -82,11 +84,9 @@ impl CutOut<'_> {
     }
 
     /// Returns the best cutoff of a page, without changing its alpha.
-    ///
-    /// # Errors
-    /// No billboard has an area.
-    pub fn cutoff(&self, page: &Page) -> Result<f32> {
-        Ok(self.measured(page)?.best_cutoff())
+    #[must_use]
+    pub fn cutoff(&self, page: &Page) -> f32 {
+        self.measured(page).best_cutoff()
     }
 
     /// Returns the page with alpha bent until it covers as much as the leaves if it is drawn as a share.
@@ -95,8 +95,7 @@ impl CutOut<'_> {
         let excess = |pivot: f64| {
             // Billboards that slant are read two thirds of a level coarser on average (bench/read_pages.py).
             let levels = mips::of_alpha(&with(pivot), self.mip + 2).into_iter().skip(self.mip);
-            let found = levels.map(|level| self.coverage(&page, level, AlphaMode::Blend).map(ln));
-            let found = found.collect::<Result<Vec<f64>>>()?;
+            let found: Vec<f64> = levels.map(|level| ln(self.layered.coverage(&level, AlphaMode::Blend))).collect();
             Ok(found.iter().sum::<f64>() / found.len().max(1) as f64)
         };
         let base_color = with(least_excess(USUAL, PIVOTS, COVERAGE_ERROR, excess)?);
@@ -106,32 +105,21 @@ impl CutOut<'_> {
     /// Returns the page with alpha bent until the lowest cutoff shows as much as the leaves.
     fn widened(&self, page: Page) -> Result<Page> {
         let with = |pivot: f64| bent(&page.base_color, pivot as f32, CUTOFFS[0] as f32);
-        let excess = |pivot: f64| Ok(ln(self.coverage(&page, with(pivot), AlphaMode::Mask(CUTOFFS[0] as f32))?));
+        let cut = AlphaMode::Mask(CUTOFFS[0] as f32);
+        let excess = |pivot: f64| Ok(ln(self.layered.coverage(&with(pivot), cut)));
         let base_color = with(least_excess(0.5 * CUTOFFS[0], FAINT_PIVOTS, COVERAGE_ERROR, excess)?);
         Ok(Page { base_color, ..page })
     }
 
     /// Measures the coverage of a page that is cut out.
-    fn measured(&self, page: &Page) -> Result<Measured> {
+    fn measured(&self, page: &Page) -> Measured {
         let levels = mips::of_alpha(&page.base_color, self.mip + BEHIND + 1);
-        let of_level = |level: &Image| -> Result<[f64; CUTOFFS.len()]> {
-            let mut found = [0.0; CUTOFFS.len()];
-            for (coverage, cutoff) in found.iter_mut().zip(CUTOFFS) {
-                *coverage = self.coverage(page, level.clone(), AlphaMode::Mask(cutoff as f32))?;
-            }
-            Ok(found)
-        };
+        let of_level =
+            |level: &Image| CUTOFFS.map(|cutoff| self.layered.coverage(level, AlphaMode::Mask(cutoff as f32)));
         let seen = self.mip.min(levels.len() - 1);
-        let of_page = of_level(&levels[0])?;
-        let of_mip = if seen == 0 { of_page } else { of_level(&levels[seen])? };
-        let behind = levels[seen + 1..].iter().map(of_level).collect::<Result<_>>()?;
-        Ok(Measured { near: [of_page, of_mip], behind })
-    }
-
-    /// Returns the coverage of the billboards relative to the leaves, with an image in place of the page's base color.
-    fn coverage(&self, page: &Page, image: Image, alpha_mode: AlphaMode) -> Result<f64> {
-        let material = Material { image: Some(image), alpha_mode, ..page.material(1.0, self.double_sided) };
-        Ok(self.leaves.agreement(&billboards(self.atlas, self.frame, material)?)?.coverage)
+        let of_page = of_level(&levels[0]);
+        let of_mip = if seen == 0 { of_page } else { of_level(&levels[seen]) };
+        Measured { near: [of_page, of_mip], behind: levels[seen + 1..].iter().map(of_level).collect() }
     }
 }
 

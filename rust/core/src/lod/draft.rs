@@ -63,7 +63,7 @@ impl<'a> Drafts<'a> {
         let copies = copies(settings, foliage);
         let fit = FitSettings { max_size, ..settings.fit.clone() };
         let first = Draft::new(foliage, &cloud, &projection, copies, &fit)?;
-        let most = budget::of_first(settings, foliage, trunk)[0] / (2 * copies);
+        let most = budget::of(settings, None, foliage, trunk)[0] / (2 * copies);
         Ok(Self { foliage, fit, stretch, copies, most, first })
     }
 
@@ -142,7 +142,7 @@ fn cloud(
         finer: foliage,
         opacity: &fit.opacity(foliage),
         bound: fit.epsilon * foliage.frame().radius,
-        most: size::billboards_within(budget::of_first(settings, foliage, trunk)[0], copies),
+        most: size::billboards_within(budget::of(settings, None, foliage, trunk)[0], copies),
         scale: Scale { pixels_per_unit: settings.pixels / fit.epsilon, copies },
     };
     fitted.cloud(fit, progress)

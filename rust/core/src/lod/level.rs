@@ -267,8 +267,8 @@ fn textured(
     } else {
         let atlas = tightened(atlas, &Shown::of_shares(&page.base_color), radius_pixels, step.triangles, settings);
         let mip = mip_of(radius_pixels * atlas.texel());
-        let cut_out = CutOut { atlas: &atlas, frame: finer.frame(), double_sided: !two_sided, leaves, mip };
-        let (page, cutoff, coverage) = cut_out.settled(page)?;
+        let plain = billboards(&atlas, finer.frame(), page.material(0.0, !two_sided))?;
+        let (page, cutoff, coverage) = CutOut::of(&plain, leaves, mip)?.settled(page)?;
         (page, cutoff, atlas, (1.0 - coverage).max(0.0))
     };
     let seconds = [(baked - started).as_secs_f64(), baked.elapsed().as_secs_f64()];

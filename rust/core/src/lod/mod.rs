@@ -27,7 +27,7 @@ pub use budget::STEP_IN_SCENES;
 pub use draft::{Draft, Drafts, settled_fit};
 pub use level::{Level, Seconds};
 pub use octahedral::Octahedral;
-pub use references::{References, report_pictures};
+pub use references::{References, report_of};
 pub use refine::{Refined, RefinedParts, Refinement};
 pub use settings::{ChainSettings, CloudStep, EPSILON_STEP, PruneSettings, ViewCounts};
 pub use shared::share_page;
@@ -101,8 +101,12 @@ pub struct Chain {
     pub prepare_seconds: f64,
 }
 
+/// Tells from the first cloud that is made, its number among those that the settings ask for, and how many of [`Origin::twigs`] it shows, whether
+/// further clouds are wanted.
+pub type GoesOn<'a> = dyn Fn(&Level, usize, usize) -> Result<bool> + 'a;
+
 /// The leaves of a chain.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Origin<'a> {
     /// The leaves that the levels are compared with.
     pub leaves: &'a Foliage,
@@ -113,13 +117,17 @@ pub struct Origin<'a> {
     /// Thin branches that clouds show beside the leaves: those of the first cloud, those that the second shows in addition, and so on. Within the
     /// frame of the leaves.
     pub twigs: &'a [Option<Foliage>],
+    /// [`Chain::whole`] of another chain of the same leaves, trunk and views.
+    pub whole: Option<&'a Arc<References>>,
+    /// Without it, all clouds are built.
+    pub goes_on: Option<&'a GoesOn<'a>>,
 }
 
 impl<'a> Origin<'a> {
     /// Returns the origin of a chain that is built from the leaves themselves.
     #[must_use]
     pub fn of(leaves: &'a Foliage) -> Self {
-        Self { leaves, finest: leaves, deviation: 0.0, twigs: &[] }
+        Self { leaves, finest: leaves, deviation: 0.0, twigs: &[], whole: None, goes_on: None }
     }
 }
 
@@ -149,7 +157,7 @@ pub fn build_chain_of(
 ) -> Result<Chain> {
     settings.check()?;
     let started = Instant::now();
-    let Origin { leaves: whole, finest: foliage, deviation, twigs } = origin;
+    let Origin { leaves: whole, finest: foliage, deviation, twigs, whole: known, goes_on } = origin;
     let frame = *whole.frame();
     trunk.map_or(Ok(()), |trunk| check_trunk(trunk.frame(), &frame))?;
     let mut seconds = MeasuringSeconds::default();
@@ -166,7 +174,6 @@ pub fn build_chain_of(
     // Leaves that are hidden are still seen a little and shade the others; pruned ones are gone.
     let shown = if keep.is_some() { foliage } else { whole };
     measuring.tell("measure", 0.0)?;
-    let mut references = References::new(&[shown], &[whole], &frame, settings)?;
     let channels = settings.channels.completed();
     let trunk = trunk.map(Foliage::without_labels);
     let parts: Vec<&Foliage> = std::iter::once(shown).chain(&trunk).collect();
@@ -178,15 +185,14 @@ pub fn build_chain_of(
     let mut made = Made::default();
     // ε grows from candidate to candidate, whether they are made or not.
     let mut epsilon = None;
-    let (mut twigs, mut shown_twigs, mut all) = (Twigs::new(twigs), Vec::new(), None);
+    let (mut twigs, mut shown_twigs) = (Twigs::new(twigs), Vec::new());
     for index in 0..settings.levels {
         let before = made.levels.last().map(Level::foliage).transpose()?;
         let finer = before.as_ref().unwrap_or(foliage);
         let (of_leaves, own_triangles) = (before.is_none(), finer.triangle_count());
-        if twigs.add(index) {
-            (all, references) = twigs.compared(shown, whole, settings)?;
-        }
+        twigs.add(index);
         let with_twigs = twigs.with(finer);
+        let (all, references) = twigs.compared(shown, whole, settings)?;
         let finer = with_twigs.as_ref().unwrap_or(finer);
         let fit = settings.fit_of(index, epsilon);
         let whole_leaves = if of_leaves { settings.fit.whole_leaves } else { fit.whole_leaves };
@@ -209,12 +215,10 @@ pub fn build_chain_of(
             page: settings.page(index),
             channels: if of_leaves { channels } else { channels.of_billboards() },
             sky: sky.as_ref(),
-            references: &references,
+            references,
         };
-        let budgets = made.levels.last().map_or_else(
-            || budget::of_first(settings, whole, trunk.as_ref()),
-            |finer| vec![budget::of_next(settings, finer.atlas.triangles())],
-        );
+        let drawn = made.levels.last().map(|finer| finer.atlas.triangles());
+        let budgets = budget::of(settings, drawn, whole, trunk.as_ref());
         let found = 1.0 - settings.refine.share();
         let candidates = budgets.iter().enumerate().map(|(i, &triangles)| {
             step.triangles = triangles;
@@ -228,10 +232,15 @@ pub fn build_chain_of(
             made.refine_last(|level| refine::refined(level, &step, settings, share(index).part(found, 1.0)))?;
             shown_twigs.push(twigs.shown(index));
             made.levels[finer_levels].keep_own(own_triangles);
+            let asked = goes_on.filter(|_| finer_levels == 0 && index + 1 < settings.levels);
+            if !asked.map_or(Ok(true), |goes_on| goes_on(&made.levels[0], index, shown_twigs[0]))? {
+                break;
+            }
         }
     }
-    let mut cross =
-        || add_cross(&mut made, foliage, &parts, (&channels, sky.as_ref()), settings, share(settings.levels));
+    let known = (foliage, known.filter(|_| keep.is_none()));
+    let drawn = (&channels, sky.as_ref());
+    let mut cross = || add_cross(&mut made, known, &parts, drawn, settings, share(settings.levels));
     let whole_tree = if settings.cross { Some(cross()?) } else { None };
     let (Made { levels, left_out }, Order { ranks, growth, contrast }) = (made, order);
     progress.tell("bake", 1.0)?;
@@ -243,24 +252,29 @@ pub fn build_chain_of(
         growth,
         contrast,
         kept,
-        whole: whole_tree.filter(|_| keep.is_none()).map(Arc::new),
+        whole: whole_tree.filter(|_| keep.is_none()),
         twigs: shown_twigs,
         measuring_seconds: seconds,
-        prepare_seconds,
+        prepare_seconds: prepare_seconds + twigs.seconds,
     })
 }
 
-/// Adds the cross impostor of all parts, the leaves first, if it is worth making. `foliage`: what the first level is built from. Returns the
-/// renderings that it is compared with.
+/// Adds the cross impostor of all parts, the leaves first, if it is worth making. `foliage`: what the first level is built from. `known`:
+/// the renderings that it is compared with, if another chain has them. Returns these renderings.
 fn add_cross(
     made: &mut Made,
-    foliage: &Foliage,
+    (foliage, known): (&Foliage, Option<&Arc<References>>),
     parts: &[&Foliage],
     channels: (&Channels, Option<&Sky>),
     settings: &ChainSettings,
     progress: Progress,
-) -> Result<References> {
-    let (cross, references) = cross::build(parts, settings.page(settings.levels), channels, settings, progress)?;
+) -> Result<Arc<References>> {
+    progress.tell("measure", 0.0)?;
+    let measured = || References::new(parts, parts, parts[0].frame(), settings).map(Arc::new);
+    let mut rendering = 0.0;
+    let references = timed(&mut rendering, || known.map_or_else(measured, |known| Ok(Arc::clone(known))))?;
+    let mut cross = cross::build(parts, settings.page(settings.levels), channels, &references, settings, progress)?;
+    cross.seconds.metrics += rendering;
     let finer = made.levels.last().map(Level::foliage).transpose()?;
     let before = Before { leaves: finer.as_ref().unwrap_or(foliage), trunk: parts.get(1).copied() };
     made.add(std::iter::once(Ok(cross)), &before, true, settings, progress.part(1.0, 1.0))?;

@@ -43,21 +43,19 @@ pub fn growth(foliage: &Foliage, ranks: &[f32], up: DVec3, progress: Progress) -
     Ok(Trend::through(GROWTH_KEEPS, [at(a)?, at(b)?]))
 }
 
-/// Measures γ of leaves that stand for all: with it they cover as much. `standing` returns them at a γ.
+/// Measures γ of leaves that stand for all: with it they cover as much. `all`: by [`reference`]. `standing` returns them at a γ.
 ///
 /// # Errors
 /// As [`growth`].
-pub fn growth_of(
-    foliage: &Foliage,
-    up: DVec3,
-    progress: Progress,
-    standing: impl Fn(f64) -> Result<Foliage>,
-) -> Result<f64> {
-    let reference = reference(foliage, up)?;
-    growth_at(covers(&reference, progress, standing)).map(libm::exp)
+pub fn growth_of(all: &Reference, progress: Progress, standing: impl Fn(f64) -> Result<Foliage>) -> Result<f64> {
+    growth_at(covers(all, progress, standing)).map(libm::exp)
 }
 
-fn reference(foliage: &Foliage, up: DVec3) -> Result<Reference> {
+/// Renders leaves for [`growth_of`].
+///
+/// # Errors
+/// An `up` without a finite length above 0.
+pub fn reference(foliage: &Foliage, up: DVec3) -> Result<Reference> {
     Reference::new(&[foliage], foliage.frame(), views_of_amounts(ViewCounts::default().amounts, up)?)
 }
 

@@ -9,7 +9,7 @@ use super::tune::views_of_amounts;
 use crate::error::Result;
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
-use crate::metrics::{Comparison, Reference, Views};
+use crate::metrics::{Reference, Views};
 use crate::textures::Samples;
 
 /// The two references of a chain, with different views.
@@ -46,7 +46,14 @@ pub fn report_views(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: REPORT_SIZE, samples: Samples::new(REPORT_SAMPLES)?, up, turn: 0.5 })
 }
 
-/// Renders the base for the reported metrics.
+/// Renders leaves for the reported metrics.
+///
+/// # Errors
+/// A setting of the views outside its range.
+pub fn report_of(leaves: &Foliage, settings: &ChainSettings) -> Result<Reference> {
+    report(&[leaves], leaves.frame(), settings)
+}
+
 fn report(base: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<Reference> {
     reference(base, frame, report_views(settings.views.report, settings.up)?, settings)
 }
@@ -54,12 +61,4 @@ fn report(base: &[&Foliage], frame: &Frame, settings: &ChainSettings) -> Result<
 /// Renders the base in some views, also lit if levels have the normals of their leaves.
 fn reference(base: &[&Foliage], frame: &Frame, views: Views, settings: &ChainSettings) -> Result<Reference> {
     if settings.is_lit() { Reference::lit(base, frame, views) } else { Reference::new(base, frame, views) }
-}
-
-/// Returns the pictures of `shown` beside those of the `leaves`, in the views that the reported metrics use.
-///
-/// # Errors
-/// A setting of the views outside its range.
-pub fn report_pictures(leaves: &Foliage, shown: &Foliage, settings: &ChainSettings) -> Result<Comparison> {
-    report(&[leaves], leaves.frame(), settings)?.compare(&[shown])
 }

@@ -347,3 +347,19 @@ fn leaves_cover_as_much_on_fine_pages_as_on_coarse_ones() {
         assert!((level.coverage - 1.0).abs() < 0.04, "{size}: {}", level.coverage);
     }
 }
+
+#[test]
+fn clouds_are_built_until_none_is_wanted() {
+    let foliage = ball(300);
+    let built = |more: bool| {
+        let goes_on = |first: &Level, number: usize, twigs: usize| {
+            assert!(!first.is_cross() && number == 0 && twigs == 0);
+            Ok(more)
+        };
+        let origin = Origin { goes_on: Some(&goes_on), ..Origin::of(&foliage) };
+        build_chain_of(origin, None, &ChainSettings { every_level: true, ..settings() }, Progress::silent()).unwrap()
+    };
+    let methods = |chain: &Chain| chain.levels.iter().map(|level| level.method).collect::<Vec<_>>();
+    assert_eq!(methods(&built(true)), ["stochastic", "stochastic", "cross"]);
+    assert_eq!(methods(&built(false)), ["stochastic", "cross"]);
+}

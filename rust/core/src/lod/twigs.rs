@@ -1,6 +1,8 @@
 //! Thin branches on clouds: they are fitted and baked like leaves. In the simplified trunk of a level they would need triangles of their own, and most
 //! would be left out.
 
+use std::time::Instant;
+
 use super::references::References;
 use super::settings::ChainSettings;
 use crate::error::Result;
@@ -13,19 +15,27 @@ pub(super) struct Twigs<'a> {
     all: Vec<&'a Foliage>,
     /// Those that no cloud that was made shows yet.
     new: Vec<&'a Foliage>,
+    /// What the clouds are compared with, once it is rendered.
+    compared: Option<Compared>,
+    /// Seconds of rendering it.
+    pub seconds: f64,
 }
+
+/// The leaves with all twigs, `None` without twigs, and their renderings.
+type Compared = (Option<Foliage>, References);
 
 impl<'a> Twigs<'a> {
     pub fn new(of_clouds: &'a [Option<Foliage>]) -> Self {
-        Self { of_clouds, all: Vec::new(), new: Vec::new() }
+        Self { of_clouds, all: Vec::new(), new: Vec::new(), compared: None, seconds: 0.0 }
     }
 
-    /// Adds the twigs of the cloud with this number, from 0. Returns whether it has some.
-    pub fn add(&mut self, cloud: usize) -> bool {
-        let added = self.of_clouds.get(cloud).and_then(Option::as_ref);
-        self.all.extend(added);
-        self.new.extend(added);
-        added.is_some()
+    /// Adds the twigs of the cloud with this number, from 0.
+    pub fn add(&mut self, cloud: usize) {
+        if let Some(added) = self.of_clouds.get(cloud).and_then(Option::as_ref) {
+            self.all.push(added);
+            self.new.push(added);
+            self.compared = None;
+        }
     }
 
     /// Returns leaves or billboards with the twigs that they do not show yet; `None` if there are none.
@@ -38,15 +48,20 @@ impl<'a> Twigs<'a> {
     ///
     /// # Errors
     /// Those of [`References::new`].
-    pub fn compared(
-        &self,
-        shown: &Foliage,
-        whole: &Foliage,
-        settings: &ChainSettings,
-    ) -> Result<(Option<Foliage>, References)> {
+    pub fn compared(&mut self, shown: &Foliage, whole: &Foliage, settings: &ChainSettings) -> Result<&Compared> {
+        let compared = match self.compared.take() {
+            Some(known) => known,
+            None => self.rendered(shown, whole, settings)?,
+        };
+        Ok(self.compared.insert(compared))
+    }
+
+    fn rendered(&mut self, shown: &Foliage, whole: &Foliage, settings: &ChainSettings) -> Result<Compared> {
+        let started = Instant::now();
         let [shown_all, whole_all] = [shown, whole].map(|leaves| joined(leaves, &self.all));
         let parts = [&[shown_all.as_ref().unwrap_or(shown)], &[whole_all.as_ref().unwrap_or(whole)]];
         let references = References::new(parts[0], parts[1], whole.frame(), settings)?;
+        self.seconds += started.elapsed().as_secs_f64();
         Ok((shown_all, references))
     }
 

@@ -12,12 +12,21 @@ const LEAST_SEEN: f64 = 0.05;
 /// Returns the ratio of summed alpha to the base's, as the mean over the images; 1 if all bases are empty. The mean of ratios weighs all
 /// views alike: too dense from above and too thin from the side cancel out, however much more is visible from above.
 pub fn coverage<'a>(pairs: impl Iterator<Item = (&'a Image, &'a Image)>) -> f64 {
-    let alpha = |image: &Image| image.pixels().iter().map(|p| u64::from(p[3])).sum::<u64>() as f64;
-    let sums: Vec<(f64, f64)> = pairs.map(|(base, other)| (alpha(base), alpha(other))).collect();
+    let (bases, others): (Vec<_>, Vec<_>) = pairs.unzip();
+    coverage_of(bases.into_iter(), others.into_iter().map(alpha_sum))
+}
+
+/// As [`coverage`], with the alpha sums of the other images.
+pub fn coverage_of<'a>(bases: impl Iterator<Item = &'a Image>, others: impl Iterator<Item = f64>) -> f64 {
+    let sums: Vec<(f64, f64)> = bases.map(alpha_sum).zip(others).collect();
     let most = sums.iter().map(|(base, _)| *base).fold(0.0, f64::max);
     let told = sums.iter().filter(|(base, _)| *base > 0.0 && *base >= LEAST_SEEN * most);
     let ratios: Vec<f64> = told.map(|(base, other)| other / base).collect();
     if ratios.is_empty() { 1.0 } else { ratios.iter().sum::<f64>() / ratios.len() as f64 }
+}
+
+fn alpha_sum(image: &Image) -> f64 {
+    image.pixels().iter().map(|p| u64::from(p[3])).sum::<u64>() as f64
 }
 
 /// Returns the intersection over union of alpha itself: Σ min / Σ max. It also counts foliage that is too thin for silhouettes.

@@ -3,6 +3,7 @@
 
 mod drawing;
 mod fragments;
+mod layered;
 mod light;
 mod measure;
 mod render;
@@ -10,6 +11,7 @@ mod visibility;
 
 pub use drawing::{DrawingCost, counted_views, drawing_cost};
 pub(crate) use drawing::{check_scale, check_up};
+pub use layered::Layered;
 use light::Light;
 pub use light::SKY;
 pub(crate) use light::brightness;
@@ -114,7 +116,7 @@ impl Reference {
     /// Those of [`render()`].
     pub fn new(base: &[&Foliage], frame: &Frame, views: Views) -> Result<Self> {
         let views: Vec<View> = views.around(frame).collect();
-        let pictures = views.iter().map(|v| render(base, v)).collect::<Result<_>>()?;
+        let pictures = in_each_view(base, &views, |view| render(base, view))?.into();
         Ok(Self { views, pictures, sunlit: None })
     }
 
@@ -133,7 +135,7 @@ impl Reference {
     /// # Errors
     /// Those of [`render()`].
     pub fn agreement(&self, level: &Foliage) -> Result<Agreement> {
-        let pictures = self.in_each_view(&[level], |view| silhouette(&[level], view))?;
+        let pictures = in_each_view(&[level], &self.views, |view| silhouette(&[level], view))?;
         let pairs = || self.pictures.iter().zip(&pictures);
         Ok(Agreement { coverage: coverage(pairs()), overlap: measure::overlap(pairs()) })
     }
@@ -189,26 +191,26 @@ impl Reference {
     }
 
     fn pictures_of(&self, level: &[&Foliage]) -> Result<Vec<Image>> {
-        self.in_each_view(level, |view| render(level, view))
+        in_each_view(level, &self.views, |view| render(level, view))
     }
+}
 
-    /// Draws a level in all views side by side, or one after the other if its triangles take much memory in each.
-    fn in_each_view(
-        &self,
-        level: &[&Foliage],
-        draw: impl Fn(&View) -> Result<Image> + Send + Sync,
-    ) -> Result<Vec<Image>> {
-        if level.iter().map(|part| part.triangle_count()).sum::<usize>() > MANY_TRIANGLES {
-            self.views.iter().map(draw).collect()
-        } else {
-            self.views.par_iter().map(draw).collect()
-        }
+/// Draws parts in all views side by side, or one after the other if their triangles take much memory in each.
+fn in_each_view<T: Send>(
+    parts: &[&Foliage],
+    views: &[View],
+    draw: impl Fn(&View) -> Result<T> + Send + Sync,
+) -> Result<Vec<T>> {
+    if parts.iter().map(|part| part.triangle_count()).sum::<usize>() > MANY_TRIANGLES {
+        views.iter().map(draw).collect()
+    } else {
+        views.par_iter().map(draw).collect()
     }
 }
 
 /// Renders parts in all views, flat-lit and under `light`.
 fn flat_and_lit(parts: &[&Foliage], views: &[View], light: &Light) -> Result<(Vec<Image>, Vec<Image>)> {
-    let pairs = views.iter().map(|view| render::flat_and_lit(parts, view, light)).collect::<Result<Vec<_>>>()?;
+    let pairs = in_each_view(parts, views, |view| render::flat_and_lit(parts, view, light))?;
     Ok(pairs.into_iter().map(|[flat, lit]| (flat, lit)).unzip())
 }
 

@@ -4,13 +4,14 @@ use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
 use super::light::{Light, Look};
+use crate::color::quantise;
 use crate::error::{Error, Result};
 use crate::foliage::{Foliage, Image};
 use crate::geometry::Frame;
 use crate::progress::Progress;
 use crate::textures::{
-    Channel, Samples, ScreenTriangle, Seen, SeenTriangles, Shader, Window, count_seen, rasterise, rasterise_timed,
-    seen_among,
+    Channel, Layers, Samples, ScreenTriangle, Seen, SeenTriangles, Shader, Window, count_covered, count_seen,
+    rasterise, rasterise_timed, seen_among,
 };
 
 /// An orthographic camera.
@@ -73,7 +74,10 @@ pub fn render(parts: &[&Foliage], view: &View) -> Result<Image> {
 /// # Errors
 /// Those of [`render()`]; [`Error::Cancelled`].
 pub fn render_watched(parts: &[&Foliage], view: &View, progress: Progress) -> Result<Image> {
-    rendered(parts, view, Channel::BaseColor, progress)
+    let triangles = on_screen(parts, view)?;
+    let size = view.size;
+    let (canvases, _) = rasterise_timed(&triangles, size, size, view.samples.each(), &[Channel::BaseColor], progress)?;
+    Ok(Channel::BaseColor.to_image(&canvases[0]))
 }
 
 /// Renders alpha alone, on black.
@@ -81,14 +85,18 @@ pub fn render_watched(parts: &[&Foliage], view: &View, progress: Progress) -> Re
 /// # Errors
 /// Those of [`render()`].
 pub fn silhouette(parts: &[&Foliage], view: &View) -> Result<Image> {
-    rendered(parts, view, Channel::Alpha, Progress::silent())
+    let counts = count_covered(on_screen(parts, view)?, view.size, view.size, view.samples);
+    let most = view.samples.side().pow(2) as f32;
+    let pixels = counts.into_iter().map(|count| [0, 0, 0, quantise(count as f32 / most)]);
+    Image::new(view.size, view.size, pixels.collect::<Vec<_>>())
 }
 
-fn rendered(parts: &[&Foliage], view: &View, channel: Channel, progress: Progress) -> Result<Image> {
-    let triangles = on_screen(parts, view)?;
-    let size = view.size;
-    let (canvases, _) = rasterise_timed(&triangles, size, size, view.samples.each(), &[channel], progress)?;
-    Ok(channel.to_image(&canvases[0]))
+/// Returns the points at which samples of a view meet the foliage.
+///
+/// # Errors
+/// Those of [`render()`].
+pub(super) fn layers(foliage: &Foliage, view: &View) -> Result<Layers> {
+    Ok(Layers::of(&on_screen(&[foliage], view)?, view.size, view.samples))
 }
 
 /// Renders all parts under a clear sky with the sun in the direction `sun`; see [`light`](super::light).

@@ -29,8 +29,6 @@ pub enum Channel<'a> {
     LeafUv,
     /// Index of the leaf and of its material; see `labels`.
     LeafId,
-    /// Alpha alone, without texture lookups for color; as an image, on black.
-    Alpha,
 }
 
 /// Least component of a normal toward the viewer: a billboard cannot show normals that point away.
@@ -47,7 +45,6 @@ impl Channel<'_> {
             Self::BentNormal(_) => "bent_normal",
             Self::LeafUv => "leaf_uv",
             Self::LeafId => "leaf_id",
-            Self::Alpha => "alpha",
         }
     }
 
@@ -66,7 +63,6 @@ impl Channel<'_> {
             let value = if p.w > 0.0 { p.truncate() / p.w } else { p.truncate() };
             match self {
                 Self::BaseColor => [encode(value.x), encode(value.y), encode(value.z), quantise(p.w)],
-                Self::Alpha => [0, 0, 0, quantise(p.w)],
                 Self::Normal(_) => shares(value.try_normalize().unwrap_or(Vec3::Z) * 0.5 + 0.5),
                 Self::BentNormal(_) => shares(value * 0.5 + 0.5),
                 Self::Orm(_) | Self::LeafUv | Self::LeafId => shares(value),
@@ -91,7 +87,6 @@ impl Shader for Channel<'_> {
             Self::BentNormal(sky) => seen.triangle.window.view * sky.from(seen.place()).toward,
             Self::LeafUv => labels::leaf_uv(seen),
             Self::LeafId => labels::leaf_id(seen),
-            Self::Alpha => Vec3::ZERO,
         }
     }
 

@@ -31,7 +31,8 @@ pub use page::{Channels, Page};
 pub use parts::PagePart;
 pub(crate) use raster::rasterise_timed;
 pub use raster::{
-    Canvas, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_seen, rasterise, seen_among,
+    Canvas, Layers, ScreenTriangle, Seen, SeenInPixel, SeenTriangles, Shader, Window, count_covered, count_seen,
+    rasterise, seen_among,
 };
 pub use samples::Samples;
 pub(crate) use sky::Shadow;

@@ -105,7 +105,7 @@ impl Page {
                 Channel::BentNormal(_) => &mut page.bent_normal,
                 Channel::LeafUv => &mut page.leaf_uv,
                 Channel::LeafId => &mut page.leaf_id,
-                Channel::BaseColor | Channel::Alpha => continue,
+                Channel::BaseColor => continue,
             };
             *place = Some(image);
         }

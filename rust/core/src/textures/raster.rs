@@ -10,6 +10,8 @@
 //! Error bound: sample positions are exact; edges are decided in f32 at coordinates up to 2¹⁴, within 2⁻⁸ of a texel.
 
 mod depths;
+mod layers;
+mod plain;
 mod seen;
 mod tiles;
 
@@ -28,6 +30,8 @@ use crate::error::Result;
 use crate::foliage::{BLOCK, Foliage, Spot, Surface};
 use crate::progress::Progress;
 
+pub use layers::Layers;
+pub use plain::{count_covered, depths};
 pub use seen::{SeenInPixel, SeenTriangles, count_seen, seen_among};
 
 /// A triangle in pixels: x to the right, y down from the upper left corner, z toward the viewer.
@@ -370,25 +374,24 @@ impl<'a> Tile<'a> {
 
     /// Draws the part of a triangle in at most [`BLOCK`] samples of a row. Returns whether any became visible.
     fn add_run(&mut self, drawing: &Drawing<'a>, run: Range<usize>, y: usize) -> bool {
-        let Drawing { index, surface, edges, depths, reach, threshold, .. } = drawing;
-        let weights_at = |x: f32| edges.weights(Vec2::new(x, y as f32 + 0.5));
-        if run.is_empty() || !surface.run_may_pass(weights_at(0.5 * (run.start + run.end) as f32)) {
+        let Drawing { index, surface, edges, threshold, .. } = drawing;
+        let middle = Vec2::new(0.5 * (run.start + run.end) as f32, y as f32 + 0.5);
+        if run.is_empty() || !surface.run_may_pass(edges.weights(middle)) {
             return false;
         }
+        let sample = y * self.side + run.start;
+        let (mut candidates, depths) = drawing.not_behind(run.start, y, self.depths.run(sample, run.len()));
+        let uv = surface.uv(edges.weights(Vec2::new(run.start as f32 + 0.5, y as f32 + 0.5)));
         let mut any = false;
-        let first = run.start;
-        let uv = surface.uv(weights_at(first as f32 + 0.5));
-        for x in run {
-            let weights = weights_at(x as f32 + 0.5);
-            if weights.min_element() < 0.0 {
-                continue;
-            }
-            let depth = weights.dot(*depths);
-            let sample = y * self.side + x;
-            let is_nearer = self.is_nearer(depth, *index, sample) && depth.abs() <= *reach;
-            if is_nearer && surface.passes_behind(uv, x - first, weights, || threshold.at(x, y)) {
-                self.depths.set(sample, depth);
-                self.seen[sample] = self.drawn.len() as u32;
+        while candidates != 0 {
+            let i = candidates.trailing_zeros() as usize;
+            candidates &= candidates - 1;
+            let x = run.start + i;
+            let weights = || edges.weights(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            let is_nearer = self.is_nearer(depths[i], *index, sample + i);
+            if is_nearer && surface.passes_behind(uv, i, weights, || threshold.at(x, y)) {
+                self.depths.set(sample + i, depths[i]);
+                self.seen[sample + i] = self.drawn.len() as u32;
                 any = true;
             }
         }
@@ -468,4 +471,20 @@ struct Drawing<'a> {
     threshold: Thresholds,
     /// Whether it became visible at any sample.
     any: bool,
+}
+
+impl Drawing<'_> {
+    /// Returns which of [`BLOCK`] samples from the column `x` on lie in the triangle, within its reach, and not behind the depths `shown`, as bits;
+    /// and the depths of the triangle there.
+    fn not_behind(&self, x: usize, y: usize, shown: [f32; BLOCK]) -> (u32, [f32; BLOCK]) {
+        let [second, third] = self.edges.run(x, y as f32 + 0.5);
+        let first: [f32; BLOCK] = std::array::from_fn(|i| 1.0 - second[i] - third[i]);
+        let Vec3 { x: a, y: b, z: c } = self.depths;
+        let depths: [f32; BLOCK] = std::array::from_fn(|i| first[i] * a + second[i] * b + third[i] * c);
+        let found: [bool; BLOCK] = std::array::from_fn(|i| {
+            let inside = first[i].min(second[i]).min(third[i]) >= 0.0;
+            inside && depths[i] >= shown[i] && depths[i].abs() <= self.reach
+        });
+        (found.iter().enumerate().fold(0, |bits, (i, &found)| bits | u32::from(found) << i), depths)
+    }
 }

@@ -8,6 +8,7 @@ use std::ops::Range;
 use glam::{Vec2, Vec3};
 
 use crate::error::Result;
+use crate::foliage::BLOCK;
 use crate::limits;
 
 /// Sub-samples along each side of a texel.
@@ -89,6 +90,13 @@ impl Edges {
         let q = point - self.origin;
         let (second, third) = (self.second.dot(q), self.third.dot(q));
         Vec3::new(1.0 - second - third, second, third)
+    }
+
+    /// Returns second and third weight at [`BLOCK`] samples of a row, from the sample in column `x` on.
+    pub(super) fn run(&self, x: usize, y: f32) -> [[f32; BLOCK]; 2] {
+        let down = y - self.origin.y;
+        let across: [f32; BLOCK] = std::array::from_fn(|i| (x + i) as f32 + 0.5 - self.origin.x);
+        [self.second, self.third].map(|gradient| across.map(|across| gradient.x * across + gradient.y * down))
     }
 
     /// Returns the change of the weights from sample to sample along a row and a column.

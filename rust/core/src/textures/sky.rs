@@ -11,8 +11,7 @@
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::raster::{ScreenTriangle, Seen, Shader, Window, rasterise};
-use super::samples::Samples;
+use super::raster::{ScreenTriangle, Window, depths};
 use crate::foliage::Foliage;
 use crate::geometry::Frame;
 
@@ -75,15 +74,6 @@ fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Depth toward the viewer, in the units of the screen triangle.
-struct Depth;
-
-impl Shader for Depth {
-    fn shade(&self, seen: &Seen) -> Vec3 {
-        Vec3::splat(seen.spot.weights.dot(Vec3::from_array(seen.triangle.corners.map(|c| c.z))))
-    }
-}
-
 /// A shadow map: the depth nearest to a sun at each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Shadow {
@@ -121,10 +111,7 @@ impl Shadow {
             });
             triangles.par_extend(shown);
         }
-        let one = Samples::new(1).expect("one sample is allowed");
-        let [canvas] = &rasterise(&triangles, pixels, pixels, one, &[Depth])[..] else { unreachable!() };
-        let depth = |pixel: &Vec4| if pixel.w > 0.0 { pixel.x } else { f32::NEG_INFINITY };
-        let depths = canvas.pixels.iter().map(depth).collect();
+        let depths = depths(&triangles, pixels, pixels);
         Self { right: right.as_vec3(), up: up.as_vec3(), pixels, sun: sun.as_vec3(), depths }
     }
 

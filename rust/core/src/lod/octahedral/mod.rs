@@ -18,6 +18,7 @@ mod sharpen;
 use std::time::Instant;
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
+use rayon::prelude::*;
 
 use self::draw::Rays;
 use super::references::References;
@@ -174,8 +175,11 @@ impl Octahedral {
         let tuning = || progress.tell("tune", 0.8);
         tuning()?;
         let depth = draw::depths(&normal_depth);
-        let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &depth, &references.tuning, tuning)?;
-        let normal_depth = opened(&layout, &color, normal_depth, &depth, &references.tuning, tuning)?;
+        let leaves = &references.tuning;
+        let traced = |view: &View| tuning().map(|()| Rays::traced(&layout, &depth, view));
+        let rays: Vec<Rays> = leaves.views().iter().map(traced).collect::<Result<_>>()?;
+        let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &rays, leaves, tuning)?;
+        let normal_depth = opened(&layout, &color, normal_depth, &rays, leaves, tuning)?;
         let pages = draw::Pages::new(&layout, &color, &normal_depth);
         let traced = |view: &View| progress.tell("tune", 0.95).map(|()| Rays::traced(&layout, &depth, view));
         let pictures = compared(&references.report, traced, &pages)?;
@@ -226,15 +230,13 @@ fn tuned(
     layout: &Layout,
     color: Image,
     normal_depth: &Image,
-    depth: &[f32],
+    rays: &[Rays],
     leaves: &Reference,
     tell: impl Fn() -> Result<()>,
 ) -> Result<(Image, f32)> {
-    let traced = |view: &View| tell().map(|()| Rays::traced(layout, depth, view));
-    let rays: Vec<Rays> = leaves.views().iter().map(traced).collect::<Result<_>>()?;
-    let excess = |silhouette: &dyn Fn(&Rays, usize) -> Result<Image>| {
+    let excess = |silhouette: &(dyn Fn(&Rays, usize) -> Result<Image> + Sync)| {
         tell()?;
-        let pictures = rays.iter().enumerate().map(|(i, rays)| silhouette(rays, i)).collect::<Result<_>>()?;
+        let pictures = rays.par_iter().enumerate().map(|(i, rays)| silhouette(rays, i)).collect::<Result<_>>()?;
         Ok(libm::log(leaves.beside(pictures, None).coverage().max(1e-9)))
     };
     let page = Page::of_color(color);
@@ -270,13 +272,11 @@ fn opened(
     layout: &Layout,
     color: &Image,
     normal_depth: Image,
-    depth: &[f32],
+    rays: &[Rays],
     leaves: &Reference,
     tell: impl Fn() -> Result<()>,
 ) -> Result<Image> {
     let Some(sun) = leaves.sun() else { return Ok(normal_depth) };
-    let traced = |view: &View| tell().map(|()| Rays::traced(layout, depth, view));
-    let rays: Vec<Rays> = leaves.views().iter().map(traced).collect::<Result<_>>()?;
     let scaled = |factor: f64| {
         let open = |&[x, y, open, height]: &[u8; 4]| [x, y, (f64::from(open) * factor + 0.5).min(255.0) as u8, height];
         let pixels: Vec<[u8; 4]> = normal_depth.pixels().iter().map(open).collect();

@@ -228,8 +228,7 @@ impl Subject<'_> {
     fn balanced(&self, page: &Page, texels: &mut Texels) -> Result<(Page, f32)> {
         let with = |texels: &Texels| Page { base_color: texels.page(), ..page.clone() };
         let moved = with(texels);
-        let Self { atlas, frame, double_sided, amounts: leaves, .. } = *self;
-        let cutoff = CutOut { atlas, frame, double_sided, leaves, mip: self.mip }.cutoff(&moved)?;
+        let cutoff = CutOut::of(&self.shown(&moved, 0.0)?, self.amounts, self.mip)?.cutoff(&moved);
         texels.scale(self.amounts.tone(&self.shown(&moved, cutoff)?)?);
         Ok((with(texels), cutoff))
     }

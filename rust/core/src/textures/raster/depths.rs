@@ -36,6 +36,13 @@ impl Depths {
         self.samples[sample]
     }
 
+    /// Returns the depths of `count` samples of a row, and ∞ after them.
+    pub fn run(&self, first: usize, count: usize) -> [f32; BLOCK] {
+        let mut run = [f32::INFINITY; BLOCK];
+        run[..count].copy_from_slice(&self.samples[first..first + count]);
+        run
+    }
+
     /// Sets the depth of a sample. The cells still have their old depths; see [`Self::note`].
     pub fn set(&mut self, sample: usize, depth: f32) {
         self.samples[sample] = depth;
