@@ -162,7 +162,7 @@ def verify(tree: Path) -> None:
             out = Path(folder) / str(number)
             flags = [str(part) for name, value in settings.items() for part in (f"--{name.replace('_', '-')}", value)]
             shape = ("--levels", 1, "--no-cross", "--effects", "none")
-            run(sys.executable, ROOT / "bake.py", "--input", tree, "--out", out, *shape, *flags)
+            run(sys.executable, ROOT / "bake.py", "--input", tree, "--out", out, *shape, *flags, "--files", "levels")
             judged.append(json.loads((out / "report.json").read_text())["levels"][1]["image_error"])
             models.append(f"{out / tree.stem}_LOD1.glb")
             print(settings, judged[-1], file=sys.stderr, flush=True)

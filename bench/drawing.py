@@ -384,7 +384,7 @@ def main() -> None:
     rows: list[Row] = []
     speeds: list[Speed] = []
     for tree in options.trees or measured_trees():
-        baked = bake_alone(tree.resolve(), BakeSettings(engine="three", last="cross"))
+        baked = bake_alone(tree.resolve(), BakeSettings(engine="three", last="cross", files="levels"))
         rows += fragment_rows(tree, baked)
         speeds += speeds_of(tree, baked, **parts)
         print(fragment_table(rows)[-1], speed_table(speeds)[-1], sep="\n", file=sys.stderr, flush=True)

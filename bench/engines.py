@@ -142,6 +142,7 @@ def bake(tree: Path, engine: str, effects: str = "auto", *more: str) -> Path:
     """Return the whole chain of a bake for an engine. `more`: flags."""
     out = BAKED / "_".join([tree.stem, engine, effects, *more])
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--engine", engine]
+    command += ["--files", "levels"]
     subprocess.run([*command, "--effects", effects, *more], check=True, capture_output=True)
     if engine == "babylon":
         bundle(out)

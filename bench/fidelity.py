@@ -107,7 +107,7 @@ def make_alternatives(tree: Path, folder: Path) -> int:
 def bake(leaves: Path, billboards: int, side: int, out: Path) -> Path:
     """Bake level 1 of the leaves; return its file."""
     shape = ("--max-billboards", billboards, "--texture-size", side, "--levels", 1, "--no-cross", "--effects", "none")
-    run(sys.executable, ROOT / "bake.py", "--input", leaves, "--out", out, *shape)
+    run(sys.executable, ROOT / "bake.py", "--input", leaves, "--out", out, *shape, "--files", "levels")
     return out / f"{leaves.stem}_LOD1.glb"
 
 

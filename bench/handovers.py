@@ -147,7 +147,7 @@ def main() -> None:
     names = ("plant", "level", "form", "crown", "difference", "places", "contrast", "coverage", "color", "excess")
     rows, passing = [], 0
     for plant in given.plants or all_plants(BAKED):
-        run(sys.executable, ROOT / "bake.py", "--input", plant, "--out", BAKED / plant.stem)
+        run(sys.executable, ROOT / "bake.py", "--input", plant, "--out", BAKED / plant.stem, "--files", "levels")
         for level in levels_of(plant.stem):
             if given.strips:
                 strips_of(level, given.bounces, given.strips)

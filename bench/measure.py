@@ -45,6 +45,7 @@ compares the fit with the published algorithm in [bench/fit.md](bench/fit.md).
 
 def bake(tree: Path, out: Path) -> dict[str, Any]:
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), "--every-level"]
+    command += ["--files", "levels"]
     begin = time.perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

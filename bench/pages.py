@@ -112,7 +112,9 @@ def bake(tree: Path, crown: int, engine: str, label: str) -> Path:
     pixels = EPSILON * crown / 2.0
     level = ("--epsilon", EPSILON, "--pixels", pixels, "--levels", 1, "--no-cross", "--every-level")
     before = processor_seconds()
-    run(sys.executable, ROOT / "bake.py", "--input", tree, "--out", out, "--engine", engine, *level)
+    run(
+        sys.executable, ROOT / "bake.py", "--input", tree, "--out", out, "--engine", engine, *level, "--files", "levels"
+    )
     (out / "seconds").write_text(str(processor_seconds() - before))
     taken_over = level_1(out)["drawing"]["crown_pixels"]
     if abs(taken_over / crown - 1.0) > 0.01:

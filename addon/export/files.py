@@ -34,7 +34,7 @@ from .glb_file import Edit
 from .gpu_load import GpuLoad
 from .joined_trunks import join_trunks
 from .lod_extension import LodChain, add_lods, screen_coverages
-from .pictures import film_name, write_pictures
+from .pictures import film_names, write_pictures
 from .plain_materials import materials_of_meshes, untangled
 from .report import joint_report, report
 from .staging import Staging
@@ -44,30 +44,31 @@ from .vertex_data import VertexData, engine_attributes
 def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
     """Write all files of the bake into `directory`, all or none, and return the report.
 
-    Each file holds all trees: NAME_LOD1.glb has the first cloud of each tree, and shared atlas pages once. NAME.glb
-    shows level 0 of each tree and references the other levels (`lod_extension`). `blend` also saves a copy of the open
-    file as NAME.blend. The levels must be in a scene.
+    Each file holds all trees: NAME.glb shows level 0 of each tree and references the other levels (`lod_extension`).
+    If the settings ask for them, NAME_LOD1.glb has the first cloud of each tree, and shared atlas pages once, and a
+    film shows each hand-over. `blend` also saves a copy of the open file as NAME.blend. The levels must be in a scene.
 
     Raises `OSError` for a folder that is not writable, `ExportError` if Blender cannot write a file.
     """
     name, trees = tree_set.name, tree_set.trees
+    settings, count = trees[0].prepared.settings, max(len(tree.levels) for tree in trees)
     with Staging(directory) as staging:
-        seconds: list[float] = []
+        seconds = [0.0] * count
         with ExitStack() as changes:
             load = GpuLoad()
-            last = [compress] if trees[0].prepared.settings.compress else []
+            last = [compress] if settings.compress else []
             edits = [*_edits(trees), join_trunks, *last, load.read]
             for tree in trees:
                 changes.enter_context(without_root(tree.collection))
                 changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))
                 changes.enter_context(_as_in_files(tree))
-            for number in range(max(len(tree.levels) for tree in trees)):
+            for number in range(count) if settings.level_files else ():
                 stem = f"{name}_LOD{number}"
                 progress(f"write {stem}.glb", 0.0)
                 begin = time.perf_counter()
                 file = staging.path(f"{stem}.glb")
                 gltf.export_objects(_objects(trees, number), file, stem, edits)
-                seconds.append(time.perf_counter() - begin)
+                seconds[number] = time.perf_counter() - begin
             shadows = [(tree, shadow) for tree in trees if (shadow := shadow_proxy_of(tree.collection)) is not None]
             for tree, shadow in shadows:
                 changes.enter_context(left_out(tree.collection, shadow))
@@ -81,13 +82,13 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         if blend:
             progress(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))
-        films = {film_name(tree, level): tree for tree in trees for level in range(1, len(tree.levels))}
+        films = film_names(trees) if settings.files == "all" else []
         files = sorted([*staging.files, *films, "preview.png", "report.html", "report.json"])
         reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, load) for each in trees}
-        engine = trees[0].prepared.settings.engine
-        content = joint_report(reports, engine) if len(trees) > 1 else reports[name]
+        content = joint_report(reports, settings.engine) if len(trees) > 1 else reports[name]
         progress("write preview.png", 0.0)
-        write_pictures(staging, name, content, [(tree, reports[tree.collection.name]) for tree in trees])
+        shown = [(tree, reports[tree.collection.name]) for tree in trees]
+        write_pictures(staging, name, content, shown, films=bool(films))
         staging.write_json("report.json", content)
         staging.commit(_levels_in(directory, [name, *(tree.collection.name for tree in trees)]))
     return content

@@ -32,7 +32,7 @@ TITLE, NAME, FIGURES, LABEL = 26, 20, 14, 12
 NARROWEST = 560
 """Minimum width of a line of figures."""
 VIEW_SAMPLES = 2
-"""Samples along each side of a pixel of the views."""
+"""Samples along each side of a pixel of the views, and of pictures at twice the size."""
 FRAMES_LEFT = 0.96
 """Fraction of the views' width for the leaves; levels are a little wider."""
 TALLEST_VIEW = 300
@@ -188,7 +188,8 @@ def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) 
     sphere.
     """
     size = float(np.clip(pixels, SMALLEST, LARGEST))
-    pair, twice = ([sphere.picture(subject, size, times=times) for subject in (leaves, level)] for times in (1, 2))
+    pair = [sphere.picture(subject, size) for subject in (leaves, level)]
+    twice = [sphere.picture(subject, size, samples=VIEW_SAMPLES, times=2) for subject in (leaves, level)]
     box = canvas.silhouette(pair)
     errors = canvas.cropped(leafcloud.flip_map(*pair), box)
     colors = [canvas.over(canvas.cropped(picture, box)) for picture in pair]

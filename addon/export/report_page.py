@@ -42,7 +42,7 @@ pre { overflow-x: auto; background: light-dark(#fff, #1f2429);
 
 @dataclass(frozen=True)
 class TreePage:
-    """A tree's row of the report, its pictures, and one film (APNG) for each level after LOD 0."""
+    """A tree's row of the report, its pictures, and one film (APNG) for each level after LOD 0, or none."""
 
     content: Row
     figures: TreeFigures
@@ -82,7 +82,8 @@ def _tree(tree: TreePage, *, heading: bool) -> list[str]:
     if content["quality"]:
         parts += ["<h3>Where levels take over, and why there</h3>", looks_table(names[1:], content["quality"])]
         parts.append(_tried(content["quality"]["tried"]))
-    parts += ["<h3>Flights across the hand-overs</h3>", _films(figures.levels[1:], tree.films)]
+    if tree.films:
+        parts += ["<h3>Flights across the hand-overs</h3>", _films(figures.levels[1:], tree.films)]
     for level in figures.levels[1:]:
         parts += _level(level)
     parts += ["<h3>All levels from five directions</h3>", _picture(figures.views, "All levels from five directions")]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from .choices import COMPRESSED_ENGINES, ENGINES, VIEWERS
+from .choices import COMPRESSED_ENGINES, ENGINES, FILES, LEVEL_FILE_ENGINES, VIEWERS
 from .effects import EFFECT_CHOICES, EFFECTS, asked_effects
 from .levels import LevelSettings
 from .setting import NamedSetting, Setting, SettingsError, require, settings_in
@@ -50,6 +50,10 @@ class BakeSettings(LevelSettings):
             f"extension open them: {', '.join(COMPRESSED_ENGINES)} with its decoder. Blender does not"
         ),
     ] = False
+    files: Annotated[
+        str,
+        Setting("Files that are written, beside a preview and a report", "NAME", choices=FILES),
+    ] = "chain"
     effects: Annotated[
         str,
         Setting(
@@ -81,6 +85,11 @@ class BakeSettings(LevelSettings):
     def by_cameras(self) -> bool:
         """True if the scene's cameras may decide which levels are made."""
         return self.viewer != "anywhere" and self.engine == "generic"
+
+    @property
+    def level_files(self) -> bool:
+        """True if each level also gets a file of its own."""
+        return self.files != "chain" or self.engine in LEVEL_FILE_ENGINES
 
     def _check_engine(self) -> None:
         if self.compress and self.engine not in COMPRESSED_ENGINES:

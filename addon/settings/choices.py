@@ -15,6 +15,13 @@ DRAW_SHARES = ("three", "babylon", "godot", "unity", "unreal", "bevy")
 """Engines whose packages draw alpha as a share of a pixel. Blender and readers of generic files cut it out."""
 COMPRESSED_ENGINES = ("generic", "three", "unity")
 """Engines that can read `EXT_meshopt_compression`; the reader of generic files is its user's."""
+LEVEL_FILE_ENGINES = ("unity", "unreal")
+"""Engines whose scripts read a file for each level."""
+FILES = {
+    "chain": f"one GLB with all levels; for {' and '.join(LEVEL_FILE_ENGINES)} also one for each level",
+    "levels": "also a GLB for each level",
+    "all": "also a GLB for each level, and an animation of each hand-over",
+}
 CHAINS = {
     "billboards": "all leaves until the first cloud takes over",
     "pruning": "fewer leaves with distance, then the cross impostor, without clouds",

@@ -114,7 +114,7 @@ class LEAFCLOUD_PT_search(_Settings, bpy.types.Panel):
 class LEAFCLOUD_PT_output(_Settings, bpy.types.Panel):
     bl_idname = "LEAFCLOUD_PT_output"
     bl_label = "Output"
-    groups = (("directory", "compress"),)
+    groups = (("directory", "files", "compress"),)
 
 
 class LEAFCLOUD_PT_effects(bpy.types.Panel):

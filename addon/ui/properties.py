@@ -93,6 +93,7 @@ _SHOWN = {
     "trees": _Shown("Trees"),
     "engine": _Shown("For", choices=ENGINE_LABELS),
     "compress": _Shown("Compress Meshes"),
+    "files": _Shown("Files", choices={"chain": "Few", "levels": "Each Level", "all": "All"}),
     "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
 }
@@ -130,7 +131,7 @@ def _label_words(name: str, value: str | None) -> str | None:
 
 
 PRESET_SETTINGS = (
-    *(name for name in _SHOWN if name not in ("seed", "trees", "engine", "compress")),
+    *(name for name in _SHOWN if name not in ("seed", "trees", "engine", "compress", "files")),
     *map(effect_property, EFFECTS),
 )
 """Properties that a preset holds: not those of one tree, one file or one purpose."""

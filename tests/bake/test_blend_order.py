@@ -62,7 +62,7 @@ def baked(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def node(baked: Path) -> Node:
-    return read_glb(baked / "cards_LOD1.glb")["cards_LOD1"]
+    return read_glb(baked / "cards.glb")["cards_LOD1"]
 
 
 def test_the_plan_turns_blend_order_on_for_transparent_leaves() -> None:
@@ -152,7 +152,7 @@ def test_glb_leaves_have_the_alpha_mode_of_the_plan(
         add_camera(radii, crown)
     source = saved(tmp_path / "mixed.blend")
     report = bake(source, tmp_path / "out", "--levels", "1", "--no-cross", "--texture-size", "128", *flags)
-    primitives = read_glb(tmp_path / "out" / "mixed_LOD0.glb")["mixed_LOD0"].primitives
+    primitives = read_glb(tmp_path / "out" / "mixed.glb")["mixed_LOD0"].primitives
     modes = {primitive.material["name"]: primitive.material.get("alphaMode", "OPAQUE") for primitive in primitives}
     assert modes == {"hard": "OPAQUE", "soft": soft, "nearly": "OPAQUE"}
     warned = [warning for warning in report["warnings"] if "is blended" in warning]
@@ -171,7 +171,7 @@ def test_a_rotated_tree_is_sorted_from_back_to_front(tmp_path: Path) -> None:
     add_mesh("leaves", corners, faces, materials=[principled("leaf", Alpha=0.5)], matrix=turn)
     source = saved(tmp_path / "row.blend")
     bake(source, tmp_path / "out", "--levels", "1", "--no-cross", "--texture-size", "128", "--epsilon", "0.02")
-    node = read_glb(tmp_path / "out" / "row_LOD1.glb")["row_LOD1"]
+    node = read_glb(tmp_path / "out" / "row.glb")["row_LOD1"]
     [primitive] = node.primitives
     depths = node.to_world(primitive.attributes["POSITION"])[primitive.indices][:, :, 2].mean(axis=1)
     assert (np.diff(depths) > -0.01).all()
@@ -293,7 +293,7 @@ def composed(eye: Eye, size: int, *, backward: bool = False) -> NDArray[np.float
 @pytest.mark.browser
 def test_the_viewer_draws_from_back_to_front(baked: Path) -> None:
     directions = [(1.0, 0.3, 0.5), (-0.4, 0.6, 1.0), (0.2, -0.9, -0.8), (-1.0, -0.1, 0.2), (0.3, 0.2, -1.0)]
-    extras = read_glb(baked / "cards_LOD1.glb")["cards_LOD1"].extras["leafcloud"]
+    extras = read_glb(baked / "cards.glb")["cards_LOD1"].extras["leafcloud"]
     centre, radius, away = np.array(extras["centre"]), extras["radius"], 2.0 * extras["switch_distance"]
     eyes = [Eye(centre + away * np.array(d) / np.linalg.norm(d), centre, radius) for d in directions]
     question = {"tree": f"{FILES}cards.glb", "settings": {}, "eyes": [eye.place.tolist() for eye in eyes]}

@@ -120,7 +120,7 @@ def test_missing_channels_and_odd_sizes_are_refused() -> None:
 @pytest.mark.night
 def test_pages_with_sizes_that_gltf_forbids_stay_png() -> None:
     """The side 132 is a multiple of 4, the side 66 is not."""
-    folder = kept("--engine", "three", "--texture-size", 132, "--epsilon", 0.1, "--every-level")
+    folder = kept("--engine", "three", "--texture-size", 132, "--epsilon", 0.1, "--every-level", "--files", "levels")
     assert any("pages of 66 × 66 stay PNG only" in warning for warning in report_in(folder)["warnings"])
     first, second = (document_of(folder / f"shrub_LOD{number}.glb")[0] for number in (1, 2))
     assert "extensionsUsed" in first

@@ -135,8 +135,8 @@ def places_above(level: leafcloud.Level, image: NDArray[np.uint8], cutoff: float
 def test_files_hold_the_page_of_the_blend_file() -> None:
     """All channels, bit for bit, and the cutoff; also the size that was asked for."""
     folder = kept("--texture-size", 256, "--epsilon", 0.1, "--levels", 1, "--no-cross", "--effects", "all")
-    [primitive] = read_glb(folder / "shrub_LOD1.glb")["shrub_LOD1"].primitives
-    files = {name: image for name, image in images_in(folder / "shrub_LOD1.glb").items() if "LOD1" in name}
+    [primitive] = read_glb(folder / "shrub.glb")["shrub_LOD1"].primitives
+    files = {name: image for name, image in images_in(folder / "shrub.glb").items() if "LOD1" in name}
     bpy.ops.wm.open_mainfile(filepath=str(folder / "shrub.blend"))
     nodes = bpy.data.materials["shrub_LOD1"].node_tree.nodes
     assert primitive.material["alphaCutoff"] == pytest.approx(nodes["Leafcloud Cutoff"].inputs[1].default_value)
@@ -153,13 +153,13 @@ def test_files_hold_the_page_of_the_blend_file() -> None:
 def test_texels_in_files_are_about_half_a_pixel_large_where_the_level_takes_over() -> None:
     folder = kept("--epsilon", 0.1, "--pixels", 3, "--levels", 1, "--no-cross")
     report = report_in(folder)
-    content, binary = read_chunks(folder / "shrub_LOD1.glb")
+    content, binary = read_chunks(folder / "shrub.glb")
     level = report["levels"][1]
     [page] = [image for image in content["images"] if image["name"] == "shrub_LOD1"]
     start = content["bufferViews"][page["bufferView"]].get("byteOffset", 0)
     size = [int.from_bytes(binary[start + at : start + at + 4], "big") for at in (16, 20)]
     pixel = 2.0 * level["switch_distance"] * math.tan(math.radians(25.0)) / 1080.0
-    assert 0.25 < texel_size(folder / "shrub_LOD1.glb", size) / pixel <= 0.51
+    assert 0.25 < texel_size(folder / "shrub.glb", size) / pixel <= 0.51
 
 
 def texel_size(file: Path, size: list[int]) -> float:

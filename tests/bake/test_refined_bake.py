@@ -10,7 +10,20 @@ from command_line import bake_apart, refusal
 
 pytestmark = pytest.mark.night
 
-FLAGS = ("--texture-size", 256, "--epsilon", 0.1, "--levels", 1, "--every-level", "--effects", "none", "--no-cross")
+FLAGS = (
+    "--texture-size",
+    256,
+    "--epsilon",
+    0.1,
+    "--levels",
+    1,
+    "--every-level",
+    "--effects",
+    "none",
+    "--no-cross",
+    "--files",
+    "levels",
+)
 
 Bake = tuple[Path, dict[str, Any]]
 

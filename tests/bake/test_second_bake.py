@@ -331,7 +331,7 @@ def test_opening_a_file_clears_plan_status_and_curve(sources: list[bpy.types.Obj
 
 @pytest.mark.night
 def test_a_shorter_chain_removes_the_files_of_a_longer_one(shrub: Path, tmp_path: Path) -> None:
-    out, quick = tmp_path / "out", ("--texture-size", 64, "--epsilon", 0.2, "--quality", 0.1)
+    out, quick = tmp_path / "out", ("--texture-size", 64, "--epsilon", 0.2, "--quality", 0.1, "--files", "levels")
     bake(shrub, out, *quick, "--levels", 2)
     (out / "shrub_LOD9.glb").write_bytes(b"not listed in a report: somebody else's")
     (out / "other_LOD3.glb").write_bytes(b"another tree's")

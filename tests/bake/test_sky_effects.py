@@ -16,7 +16,7 @@ def level_of(effects: str) -> tuple[Path, Primitive, dict[str, Any]]:
     """Bake the shrub. Return the folder, level 1 and the report's effects by name."""
     shape = ("--levels", 1, "--no-cross", "--texture-size", 128, "--epsilon", 0.1, "--quality", 0.1)
     out = kept("--effects", effects, *shape)
-    [primitive] = read_glb(out / "shrub_LOD1.glb")["shrub_LOD1"].primitives
+    [primitive] = read_glb(out / "shrub.glb")["shrub_LOD1"].primitives
     return out, primitive, {effect["name"]: effect for effect in report_in(out)["effects"]}
 
 

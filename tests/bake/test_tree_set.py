@@ -301,7 +301,7 @@ def test_files_have_all_trees_and_each_page_once(
     red_and_blue()
     scene, out = saved(tmp_path / "trunk.blend"), tmp_path / "out"
     quick = ("--texture-size", 128, "--quality", 0.1, "--levels", 1, "--every-level")
-    report = bake_files(scene, out, "--trees", "collections", *quick)
+    report = bake_files(scene, out, "--trees", "collections", "--files", "all", *quick)
     assert [tree["name"] for tree in report["trees"]] == ["maple", "spruce"]
     levels = [f"trunk_LOD{number}.glb" for number in range(3)]
     flights = [f"{tree}_flight{number}.png" for tree in ("maple", "spruce") for number in (1, 2)]

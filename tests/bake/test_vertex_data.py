@@ -79,7 +79,7 @@ def test_godot_gets_rank_pivots_and_wind_in_its_three_vectors(folders: dict[str,
 
 def test_godot_gets_two_vectors_without_wind() -> None:
     folder = kept(*QUICK, "--levels", 1, *PRUNING, "--engine", "godot")
-    [surface] = read_as_godot(folder / "shrub_LOD0.glb")["shrub_LOD0"]
+    [surface] = read_as_godot(folder / "shrub.glb")["shrub_LOD0"]
     assert [custom.shape[1] for custom in surface.customs] == [4, 4]
     ranks = surface.customs[0][surface.indices, 0]
     assert (ranks == ranks[:, :1]).all()
@@ -212,13 +212,13 @@ def test_three_uv_maps_do_not_move_the_sets_of_vertex_data(tmp_path: Path) -> No
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "tree.blend"))
     effects = ("--effects", "transitions,pruning", "--levels", 1, "--texture-size", 64, "--quality", 0.1)
     bake(tmp_path / "tree.blend", tmp_path / "out", *effects, "--engine", "godot")
-    surfaces = read_as_godot(tmp_path / "out" / "tree_LOD0.glb")["tree_LOD0"]
+    surfaces = read_as_godot(tmp_path / "out" / "tree.glb")["tree_LOD0"]
     assert len(surfaces) == 3
     for surface in surfaces:
         ranks = surface.customs[0][:, 0]
         assert ((ranks >= 0.0) & (ranks < 1.0)).all()
         assert len(np.unique(ranks)) == 4
-    document, _ = read_chunks(tmp_path / "out" / "tree_LOD0.glb")
+    document, _ = read_chunks(tmp_path / "out" / "tree.glb")
     assert "texCoord" not in str(document["materials"])
 
 

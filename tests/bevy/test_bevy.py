@@ -85,7 +85,16 @@ class Baked:
 
 def bake(folder: Path, trees: list[Path], *settings: str) -> Path:
     """Bake trees for Bevy. Return the file with all levels."""
-    command = [sys.executable, str(ROOT / "bake.py"), "--input", *map(str, trees), "--out", str(folder)]
+    command = [
+        sys.executable,
+        str(ROOT / "bake.py"),
+        "--input",
+        *map(str, trees),
+        "--out",
+        str(folder),
+        "--files",
+        "levels",
+    ]
     subprocess.run([*command, "--engine", "bevy", *settings], check=True, capture_output=True, timeout=240)
     return folder / f"{'_'.join(tree.stem for tree in trees)}.glb"
 

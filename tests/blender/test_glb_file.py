@@ -59,7 +59,7 @@ def test_unused_accessors_and_buffer_views_are_removed() -> None:
 
 
 def test_a_bake_reads_and_writes_each_file_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = BakeSettings(epsilon=0.1, quality=0.1, texture_size=128, engine="three", effects="all")
+    settings = BakeSettings(epsilon=0.1, quality=0.1, texture_size=128, engine="three", effects="all", files="levels")
     leaves = add_crown()
     baked = bake(read([leaves], ["leaves"]), settings)
     reads, writes = Counter[str](), Counter[str]()
@@ -94,7 +94,9 @@ def test_edits_in_memory_give_the_bytes_of_edits_from_file_to_file(
 
         return edit_the_written_file
 
-    settings = BakeSettings(epsilon=0.1, quality=0.1, texture_size=128, levels=1, engine="babylon", effects="all")
+    settings = BakeSettings(
+        epsilon=0.1, quality=0.1, texture_size=128, levels=1, engine="babylon", effects="all", files="levels"
+    )
     trunk = add_mesh("trunk", [(0, 0, -1), (0.2, 0, -1), (0.2, 0, 1), (0, 0, 1)], [(0, 1, 2, 3)])
     tree_set = TreeSet.of(bake(read([add_crown(), trunk], ["leaves"]), settings))
     write(tree_set, tmp_path / "memory", lambda stage, fraction: None, blend=False)

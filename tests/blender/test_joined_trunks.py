@@ -35,7 +35,7 @@ def trunk(request: pytest.FixtureRequest) -> bpy.types.Object:
 
 
 def written(folder: Path, name: str) -> dict[str, Node]:
-    settings = BakeSettings(epsilon=0.2, quality=0.1, texture_size=64, levels=1, effects="transitions")
+    settings = BakeSettings(epsilon=0.2, quality=0.1, texture_size=64, levels=1, effects="transitions", files="levels")
     result = bake(read(leaf_names=["leaf"]), settings)
     write(TreeSet.of(result), folder, lambda *_: None, blend=False)
     return read_glb(folder / f"{result.collection.name}{name}.glb")

@@ -86,7 +86,8 @@ def test_a_new_bake_keeps_the_place_that_an_artist_gave_the_root(baked: bpy.type
 
 
 def test_files_have_the_levels_without_the_root(baked: bpy.types.Collection, tmp_path: Path) -> None:
-    bpy.context.scene.leafcloud.directory = str(tmp_path)
+    settings = bpy.context.scene.leafcloud
+    settings.directory, settings.files = str(tmp_path), "levels"
     bpy.ops.leafcloud.bake()
     here = places(bpy.data.collections["leaves"])
     assert {obj.parent for obj in bpy.data.collections["leaves"].objects if level_number(obj) is not None} == {

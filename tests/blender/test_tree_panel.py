@@ -179,8 +179,8 @@ def test_a_tree_is_exported_for_an_engine_and_its_scene_stays(tmp_path: Path) ->
     bpy.ops.leafcloud.show_level(level=1)
     kept, selected = names(), {obj.name for obj in bpy.context.selected_objects}
     assert bpy.ops.leafcloud.export(engine="three", directory=str(tmp_path)) == {"FINISHED"}
-    assert b"KHR_texture_basisu" in (tmp_path / "leaves_LOD1.glb").read_bytes(), "three.js reads KTX2"
-    assert {"leaves.glb", "leaves_LOD0.glb", "leaves_LOD2.glb"} <= {path.name for path in tmp_path.iterdir()}
+    assert b"KHR_texture_basisu" in (tmp_path / "leaves.glb").read_bytes(), "three.js reads KTX2"
+    assert {path.name for path in tmp_path.iterdir()} == {"leaves.glb", "preview.png", "report.html", "report.json"}
     assert (settings.engine, settings.directory) == ("generic", ""), "the settings of later bakes stay"
     assert (tree(), shown_level(own), names()) == (own, 1, kept)
     assert {obj.name for obj in bpy.context.selected_objects} == selected

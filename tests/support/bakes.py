@@ -36,7 +36,7 @@ BAKES: dict[str, tuple[str, ...]] = {
     "quick": QUICK,
     "sharp": (
         *("--texture-size", "256", "--levels", "2", "--effects=+pruning", "--every-level", "--last", "octahedral"),
-        *("--form", "billboards"),
+        *("--form", "billboards", "--files", "all"),
     ),
     "leaves pruned": (*QUICK, "--effects=+pruning"),
     "octahedral": (*QUICK, "--last", "octahedral", "--effects=+transitions"),

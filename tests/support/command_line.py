@@ -17,8 +17,20 @@ import bpy
 
 ROOT = Path(__file__).resolve().parents[2]
 BAKE = ROOT / "bake.py"
-QUICK = ("--texture-size", "128", "--epsilon", "0.1", "--pixels", "8", "--levels", "2", "--every-level")
-"""Flags of a quick bake of two clouds, however cheap the tree: few billboards, and no pictures decide."""
+QUICK = (
+    "--texture-size",
+    "128",
+    "--epsilon",
+    "0.1",
+    "--pixels",
+    "8",
+    "--levels",
+    "2",
+    "--every-level",
+    "--files",
+    "all",
+)
+"""Flags of a quick bake of two clouds, however cheap the tree, with all files. No pictures decide."""
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:

@@ -3,6 +3,16 @@ import bpy
 
 settings = bpy.context.scene.leafcloud
 for each in settings.bl_rna.properties:
-    if each.identifier not in ("rna_type", "name", "leaves", "trees", "engine", "compress", "directory", "seed"):
+    if each.identifier not in (
+        "rna_type",
+        "name",
+        "leaves",
+        "trees",
+        "engine",
+        "compress",
+        "files",
+        "directory",
+        "seed",
+    ):
         settings.property_unset(each.identifier)
 settings.quality = 0.25
