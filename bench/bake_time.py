@@ -1,24 +1,30 @@
-"""Times bakes by the button of the interface, step by step: `make bench-bake-time`.
+"""Times bakes as whole processes, and by the button of the interface, step by step: `make bench-bake-time`.
 
-usage: make bench-bake-time ARGS='[TREE.glb …]'      (default: the measured trees)
+usage: make bench-bake-time ARGS='[--repeats COUNT] [TREE.glb …]'      (default: the measured trees)
 
-For each tree and each quality: seconds on the main thread before the job, of the job, of each of its stages, and on the
-main thread after it; of the longest step after it; from a cancel to the end of the job. Prints a table in Markdown; for
-the measured trees it also writes docs/bench/bake_time.md.
+First `bake.py`: seconds and memory of processes, beside the literal Algorithm 1 as the clock of the machine. Then the
+button: for each tree and each quality, seconds on the main thread before the job, of the job, of each of its stages,
+and on the main thread after it; of the longest step after it; from a cancel to the end of the job. Prints tables in
+Markdown; for the measured trees it also writes docs/bench/bake_time.md.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+import numpy as np
 from commits import measured_commit
-from stage import ROOT, measured_trees
+from stage import FOLIAGE, ROOT, measured_trees
 
 import addon
 from addon.bake.pipeline import layer_of
@@ -31,9 +37,24 @@ QUALITIES = {"Fast": 0.0, "default": 0.5}
 SHOWN = ("simplify", "fit", "measure", "pack", "tune", "bake")
 """Stages with a column of their own."""
 
+WAYS = {"generic": (), "three": ("--engine", "three"), "godot": ("--engine", "godot"), "rough": ("--quality", "0.2")}
+"""Flags of the timed processes."""
+
 INTRODUCTION = """# Time of a bake
 
-Made by `make bench-bake-time` at {commit} on {cores} cores, after the import of each tree, without a window. Seconds.
+Made by `make bench-bake-time` at {commit} on {cores} cores.
+
+## The command line
+
+Seconds of a whole process of `bake.py`, and its greatest memory in MB: medians of {repeats}. *Clock*: seconds of
+[Algorithm 1](../accuracy.md#the-papers-points), done literally on one thread for the leaves of an ash, beside each
+tree: machines differ, and so do their hours.
+
+{processes}
+
+## The button
+
+After the import of each tree, without a window. Seconds.
 
 - *before*, *after*: on the main thread, before and after the core's job; *longest*: the longest of the steps after
   it, between which the interface draws.
@@ -63,9 +84,13 @@ class Timed:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("trees", nargs="*", type=Path, metavar="TREE.glb")
-    given = parser.parse_args().trees
+    parser.add_argument("--repeats", type=int, default=5, metavar="COUNT")
+    arguments = parser.parse_args()
+    given = arguments.trees
     trees = given or measured_trees()
     addon.register()
+    processes = process_table(trees if given else [*trees, FOLIAGE / "maple_1m.glb"], arguments.repeats)
+    print(processes)
     headings = ("tree", "quality", "total", "before", "job", *SHOWN, "after", "longest", "pause")
     rows = [headings, tuple("---" for _ in headings)]
     for tree in trees:
@@ -78,8 +103,71 @@ def main() -> None:
     print(table)
     if not given:
         cores = len(os.sched_getaffinity(0))
-        text = INTRODUCTION.format(commit=measured_commit(), cores=cores, cancels=CANCELS)
+        text = INTRODUCTION.format(
+            commit=measured_commit(), cores=cores, cancels=CANCELS, repeats=arguments.repeats, processes=processes
+        )
         (ROOT / "docs" / "bench" / "bake_time.md").write_text(f"{text}\n{table}\n", encoding="utf-8")
+
+
+def process_table(trees: Iterable[Path], repeats: int) -> str:
+    """Return a table of the processes' seconds and memory."""
+    rows: list[tuple[str, ...]] = [("tree", "clock", *WAYS, "MB"), ("---",) * (len(WAYS) + 3)]
+    with tempfile.TemporaryDirectory() as folder:
+        clock = Clock(Path(folder))
+        for tree in trees:
+            ticks, found = [], []
+            for _ in range(repeats):
+                ticks.append(clock.tick())
+                found.append([process(tree, Path(folder) / "out", flags) for flags in WAYS.values()])
+            seconds = np.median([[second for second, _ in each] for each in found], axis=0)
+            memory = max(peak for each in found for _, peak in each)
+            cells = (statistics.median(ticks), *seconds.tolist())
+            rows.append((tree.stem, *(f"{cell:.1f}" for cell in cells), f"{memory:.0f}"))
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def process(tree: Path, out: Path, flags: Iterable[str]) -> tuple[float, float]:
+    """Bake a tree by the command line. Return the seconds, and the greatest memory in MB."""
+    command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), *flags]
+    begin = time.perf_counter()
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as bake:
+        peak = 0.0
+        while bake.poll() is None:
+            time.sleep(0.02)
+            peak = max(peak, _resident(bake.pid))
+    assert bake.returncode == 0, f"a bake of {tree.name} failed"
+    return time.perf_counter() - begin, peak
+
+
+def _resident(process: int) -> float:
+    """Return the memory in MB of the greatest process among a process and its children."""
+    try:
+        children = Path(f"/proc/{process}/task/{process}/children").read_text(encoding="ascii").split()
+        status = Path(f"/proc/{process}/status").read_text(encoding="ascii")
+    except OSError:  # It has ended.
+        return 0.0
+    own = next((int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")), 0)
+    return max([own * 1024e-6, *(_resident(int(child)) for child in children)])
+
+
+class Clock:
+    """The literal Algorithm 1 of ../shared/measure, compiled: its seconds tell how fast the machine is at the time."""
+
+    def __init__(self, folder: Path) -> None:
+        self.program, self.soup = folder / "alg1", folder / "soup"
+        source = ROOT.parent / "shared" / "measure" / "alg1.rs"
+        subprocess.run(["rustc", "-O", "-C", "target-cpu=native", "-o", self.program, source], check=True)
+        open_tree(FOLIAGE / "bush_ash_5k.glb", 0.5)
+        leaves = bpy.data.objects["leaves"]
+        leaves.data.calc_loop_triangles()
+        points = np.array([tuple(vertex.co) for vertex in leaves.data.vertices], np.float32)
+        points[[each.vertices[:] for each in leaves.data.loop_triangles]].tofile(self.soup)
+
+    def tick(self) -> float:
+        """Return the seconds of a run."""
+        begin = time.perf_counter()
+        subprocess.run([self.program, self.soup, "0.04", "600", "1"], check=True, stdout=subprocess.DEVNULL)
+        return time.perf_counter() - begin
 
 
 def bake(tree: Path, quality: float) -> Timed:
