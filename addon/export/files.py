@@ -6,6 +6,7 @@ import json
 import re
 import time
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ from .joined_trunks import join_trunks
 from .lod_extension import LodChain, add_lods, screen_coverages
 from .pictures import film_names, write_pictures
 from .plain_materials import materials_of_meshes, untangled
+from .preview import pictures_of
 from .report import joint_report, report
 from .staging import Staging
 from .vertex_data import VertexData, engine_attributes
@@ -52,7 +54,9 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
     """
     name, trees = tree_set.name, tree_set.trees
     settings, count = trees[0].prepared.settings, max(len(tree.levels) for tree in trees)
-    with Staging(directory) as staging:
+    # The core draws pictures while Blender writes the files.
+    with Staging(directory) as staging, ThreadPoolExecutor(max_workers=1) as pool:
+        drawn = [pool.submit(pictures_of, tree) for tree in trees]
         seconds = [0.0] * count
         with ExitStack() as changes:
             load = GpuLoad()
@@ -87,7 +91,10 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
         reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, load) for each in trees}
         content = joint_report(reports, settings.engine) if len(trees) > 1 else reports[name]
         progress("write preview.png", 0.0)
-        shown = [(tree, reports[tree.collection.name]) for tree in trees]
+        shown = [
+            (tree, reports[tree.collection.name], pictures.result())
+            for tree, pictures in zip(trees, drawn, strict=True)
+        ]
         write_pictures(staging, name, content, shown, films=bool(films))
         staging.write_json("report.json", content)
         staging.commit(_levels_in(directory, [name, *(tree.collection.name for tree in trees)]))

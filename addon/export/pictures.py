@@ -8,7 +8,7 @@ from typing import Any
 from ..bake.values import Baked
 from . import canvas
 from .flight import flights
-from .preview import preview_image, tree_figures
+from .preview import Pictures, preview_image, tree_figures
 from .report_page import TreePage, page
 from .staging import Staging
 
@@ -27,19 +27,20 @@ def write_pictures(
     staging: Staging,
     name: str,
     content: Mapping[str, Any],
-    trees: Sequence[tuple[Baked, Mapping[str, Any]]],
+    trees: Sequence[tuple[Baked, Mapping[str, Any], Pictures]],
     *,
     films: bool,
 ) -> None:
     """Write preview.png, report.html and, with `films`, one film for each level after LOD 0.
 
-    name: base name of the files. content: that of report.json. trees: each tree with its own report.
+    name: base name of the files. content: that of report.json. trees: each tree with its own report and pictures.
     """
     pages = [
-        TreePage(report, tree_figures(tree, report["levels"]), flights(tree) if films else []) for tree, report in trees
+        TreePage(report, tree_figures(tree, report["levels"], pictures), flights(tree) if films else [])
+        for tree, report, pictures in trees
     ]
     staging.path("preview.png").write_bytes(canvas.png(preview_image([each.figures for each in pages])))
-    for (tree, _), each in zip(trees, pages, strict=True):
+    for (tree, _, _), each in zip(trees, pages, strict=True):
         for number, film in enumerate(each.films, 1):
             staging.path(_film_name(tree, number)).write_bytes(film)
     staging.path("report.html").write_text(page(name, content, pages), encoding="utf-8", newline="\n")

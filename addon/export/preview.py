@@ -118,20 +118,34 @@ def subjects_of(
     return [leaves, *(subject(level, number) for number, level in enumerate(levels, 1))]
 
 
-def tree_figures(tree: Baked, rows: Sequence[Mapping[str, Any]]) -> TreeFigures:
-    """Return the pictures of a tree. `rows`: the levels of its report."""
+@dataclass(frozen=True)
+class Pictures:
+    """The levels' names and pictures, LOD 0 first, and the table of their views."""
+
+    names: tuple[str, ...]
+    panels: tuple[Block | None, ...]
+    views: Block
+
+
+def pictures_of(tree: Baked) -> Pictures:
+    """Draw the pictures of a tree. It uses nothing of Blender, so any thread may call it."""
     subjects = subjects_of(tree.prepared.foliage, level_trunks(tree), tree.chain.levels)
     sphere = sphere_of(subjects[0].parts)
     panels: list[Block | None] = [None]
     for subject, distance in zip(subjects[1:], tree.switch_distances[1:], strict=True):
         panels.append(level_panel(subjects[0], subject, sphere, pixels_of(2.0 * sphere.radius, distance, tree.view)))
+    widest = max([NARROWEST, *(panel.shape[1] for panel in panels if panel is not None)])
+    return Pictures(tuple(each.name for each in subjects), tuple(panels), views(subjects, sphere, widest))
+
+
+def tree_figures(tree: Baked, rows: Sequence[Mapping[str, Any]], pictures: Pictures) -> TreeFigures:
+    """Return the pictures of a tree with its figures. `rows`: the levels of its report."""
     are_shared = [False, *(level.page_share < 1.0 for level in tree.chain.levels)]
     levels = [
-        LevelFigure(subject.name, tuple(figures_of(row, tree.prepared.foliage.radius, is_shared=shared)), panel)
-        for subject, row, panel, shared in zip(subjects, rows, panels, are_shared, strict=True)
+        LevelFigure(name, tuple(figures_of(row, tree.prepared.foliage.radius, is_shared=shared)), panel)
+        for name, row, panel, shared in zip(pictures.names, rows, pictures.panels, are_shared, strict=True)
     ]
-    widest = max([NARROWEST, *(panel.shape[1] for panel in panels if panel is not None)])
-    return TreeFigures(tree.collection.name, tuple(levels), views(subjects, sphere, widest))
+    return TreeFigures(tree.collection.name, tuple(levels), pictures.views)
 
 
 def figures_of(row: Mapping[str, Any], radius: float, *, is_shared: bool = False) -> list[str]:

@@ -90,6 +90,7 @@ def show_shares(material: bpy.types.Material, images: _Images | None = None) -> 
         return False
     step, alpha, cutoff = found
     tree = material.node_tree
+    active = tree.nodes.active
     everywhere, output = tree.get_output_node("ALL"), output_for(tree, "EEVEE")
     own = None if images is None else _leaf_texture(material)
     textures = [node for node in tree.nodes if node.type == "TEX_IMAGE" and own is not None and node.image == own]
@@ -116,6 +117,7 @@ def show_shares(material: bpy.types.Material, images: _Images | None = None) -> 
         tree.links.new(source, target.inputs[list(link.to_node.inputs).index(link.to_socket)])
     if everywhere is not None:
         everywhere.is_active_output = True
+    tree.nodes.active = active  # Workbench shows the same texture as before.
     return True
 
 

@@ -111,6 +111,7 @@ def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: 
         _add_bent_normal(tree, page.bent_normal)
     if not double_sided:
         hide_back_in_cycles(tree)
+    tree.nodes.active = texture  # The texture that Workbench shows.
     return material
 
 

@@ -74,7 +74,7 @@ mod tests {
             let cut = crossed(Material { double_sided: true, image: shown, alpha_mode: mode, ..Material::default() });
             let found = reference.layered(&whole).unwrap().coverage(&image, mode);
             let rendered = reference.agreement(&cut).unwrap().coverage;
-            assert!(rendered < 0.95 && (found - rendered).abs() < 1e-3, "{mode:?}: {found}, rendered {rendered}");
+            assert!(rendered < 0.99 && (found - rendered).abs() < 1e-3, "{mode:?}: {found}, rendered {rendered}");
         }
     }
 }

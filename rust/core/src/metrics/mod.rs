@@ -89,8 +89,8 @@ impl Views {
 const SUN_HEIGHT: f64 = 45.0;
 const SUN_TURN: f64 = 60.0;
 
-/// Triangles of a level above which its views are drawn one after the other. A view takes some 130 bytes for each.
-const MANY_TRIANGLES: usize = 1 << 16;
+/// Triangles above which views are drawn one after the other. A view takes some 130 bytes for each.
+const MANY_TRIANGLES: usize = 1 << 17;
 
 /// Rendered views of a base, for comparison with levels.
 #[derive(Debug)]
