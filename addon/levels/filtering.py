@@ -105,6 +105,7 @@ def show_shares(material: bpy.types.Material, images: _Images | None = None) -> 
     for texture in between & set(textures):
         assert images is not None, "pages have no textures to replace"
         copies[texture].image = _filled(texture.image, material.name, cutoff, images)
+        active = copies[texture]  # Workbench filters, too.
     before = _copy_of(alpha, copies)
     # Half a texel's alpha stays at half of the pixel, whatever the cutoff.
     bent = math.log(0.5) / math.log(cutoff)
@@ -117,7 +118,7 @@ def show_shares(material: bpy.types.Material, images: _Images | None = None) -> 
         tree.links.new(source, target.inputs[list(link.to_node.inputs).index(link.to_socket)])
     if everywhere is not None:
         everywhere.is_active_output = True
-    tree.nodes.active = active  # Workbench shows the same texture as before.
+    tree.nodes.active = active  # Workbench shows its texture.
     return True
 
 

@@ -15,7 +15,7 @@ from scenes import add_mesh
 from addon.effects.filtering import EFFECT
 from addon.levels.building import Costs
 from addon.levels.filtering import show_shares
-from addon.levels.material import Page, atlas_image, atlas_material
+from addon.levels.material import PAGE_NODE, Page, atlas_image, atlas_material
 from addon.mesh.baked_levels import EXTRAS
 
 pytestmark = pytest.mark.version
@@ -99,6 +99,7 @@ def test_colors_go_on_under_transparent_texels_for_eevee_alone() -> None:
     texels = np.rint(np.array(image.pixels[:]).reshape(8, 8, 4) * 255.0)
     np.testing.assert_array_equal(texels[..., :3], np.broadcast_to(GREEN, (8, 8, 3)))
     np.testing.assert_array_equal(texels[0, :, 3], [255] * 4 + [0] * 4)
+    assert tree.nodes.active.image == image, "Workbench filters, too"
 
 
 def test_the_page_of_a_cloud_is_its_own() -> None:
@@ -115,6 +116,7 @@ def test_translucent_clouds_are_filtered_with_their_share() -> None:
     page = Page(picture(), translucency=picture(), share=0.4)
     material = atlas_material("cloud", page, alpha_cutoff=0.5, double_sided=True)
     show_shares(material)
+    assert material.node_tree.nodes.active.name == PAGE_NODE, "Workbench shows the page"
     mix = material.node_tree.get_output_node("EEVEE").inputs["Surface"].links[0].from_node
     assert mix.type == "MIX_SHADER"
     product = mix.inputs[0].links[0].from_node
