@@ -16,7 +16,7 @@ DRAW_SHARES = ("three", "babylon", "godot", "unity", "unreal", "bevy")
 COMPRESSED_ENGINES = ("generic", "three", "unity")
 """Engines that can read `EXT_meshopt_compression`; the reader of generic files is its user's."""
 LEVEL_FILE_ENGINES = ("unity", "unreal")
-"""Engines whose scripts read a file for each level."""
+"""Engines for which each level always gets a file of its own: their scripts read these files."""
 FILES = {
     "chain": f"one GLB with all levels; for {' and '.join(LEVEL_FILE_ENGINES)} also one for each level",
     "levels": "also a GLB for each level",

@@ -60,7 +60,8 @@ impl<'a> Tree<'a> {
         Ok(Passed { crown, ..passed })
     }
 
-    /// Finds where leaves and clouds take over. `first`: where the first cloud does, if that is known. Fewer leaves come before the clouds, where the tree is then cheaper to draw.
+    /// Finds where leaves and clouds take over. `first`: where the first cloud takes over, if that is known. Fewer leaves come before the clouds,
+    /// where the tree is then cheaper to draw.
     pub fn judged(
         &self,
         chosen: Chosen,

@@ -110,7 +110,7 @@ pub struct Yardstick<'a> {
     still: Option<Cow<'a, Foliage>>,
     up: DVec3,
     lit: bool,
-    /// From the largest: sizes whose pictures are means of the same renderings, and these.
+    /// Groups of sizes, the largest first. All sizes of a group are judged in the same renderings, which are made when they are needed.
     pictures: Vec<(Vec<Size>, OnceLock<Rendered>)>,
 }
 

@@ -71,7 +71,7 @@ impl<'a> CutOut<'a> {
     /// Returns the page, its cutoff, and its coverage of the leaves. The coverage is that before leaves that are too thin are widened.
     ///
     /// # Errors
-    /// Never: the search passes errors on, and coverage has none.
+    /// None.
     pub fn settled(&self, page: Page) -> Result<(Page, f32, f64)> {
         let page = self.as_shares(page)?;
         let coverage = self.measured(&page);

@@ -97,7 +97,7 @@ mod tests {
     use crate::foliage::{Attributes, Foliage, Material};
     use crate::textures::Window;
 
-    /// A square of 8 × 8 pixels, whose texture runs to the right or to the left.
+    /// A square of 8 × 8 pixels. `mirrored`: its texture is mirrored.
     fn square(mirrored: bool) -> Foliage {
         let corners = [(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 8.0)].map(|(x, y)| DVec3::new(x, y, 0.0));
         let uv = |i: usize| {
