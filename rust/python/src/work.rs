@@ -10,6 +10,7 @@ use std::time::Duration;
 use leafcloud::{Error, Progress};
 use pyo3::prelude::*;
 
+use crate::allocator::Working;
 use crate::errors::{Failure, refuse};
 
 /// The longest wait between checks for Ctrl-C.
@@ -20,6 +21,7 @@ pub const PATIENCE: Duration = Duration::from_millis(50);
 /// # Errors
 /// The error of `work`, a panic of `work`, or no threads after a fork.
 pub fn guard<T: Send>(work: impl FnOnce() -> leafcloud::Result<T> + Send) -> Result<T, Failure> {
+    let _working = Working::begin();
     match catch_unwind(AssertUnwindSafe(|| with_threads(work))) {
         Ok(result) => result.map_err(Failure::from),
         Err(panic) => Err(Failure::Refused(format!("internal error, please report it: {}", panic_message(&*panic)))),
