@@ -2,8 +2,7 @@
 //!
 //! 1. Simplified leaves are level 1 where leaves have several triangles and the scene gets cheaper ([`crate::leaves`]).
 //! 2. Drafts find the ε that the quality allows ([`crate::clouds`]). Pages get the texels that the memory allows.
-//! 3. The clouds are built, each for a size. One that does not save half of the cost of the level before is left out. Where the first one takes over
-//!    as late as the second, no others follow it, and the second is built in its place; the best of these chains is completed.
+//! 3. The clouds are built, each for a size ([`crate::search`]). One that does not save half of the cost of the level before is left out.
 //! 4. The yardstick tells the largest size at which each level passes, with the page that files hold ([`crate::settle`]).
 //! 5. Of these and of levels of fewer leaves ([`crate::fewer`]), the cheapest walk through the scene is drawn ([`crate::walk`]).
 //! 6. The octahedral impostor follows where it passes ([`crate::last`]).
@@ -11,21 +10,22 @@
 //! The choice depends on FLIP, whose last digits differ between machines. Figures are rounded where ε follows from them.
 
 use std::borrow::Cow;
-use std::cell::{Cell, OnceCell, RefCell};
+use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
-use leafcloud::lod::{self, Chain, ChainSettings, Level, Octahedral, Origin, References, ViewCounts};
-use leafcloud::{Error, Foliage, Progress};
+use leafcloud::lod::{self, Chain, ChainSettings, Level, Measured, Octahedral, ViewCounts};
+use leafcloud::{Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 
-use crate::clouds::{CROWNS, TriedEpsilon, given_steps, leave_a_choice, steps, tried_epsilons};
+use crate::clouds::{TriedEpsilon, leave_a_choice};
 use crate::costs::Prices;
 use crate::last::{Built, Judge, LEAST_STEP, Last, Place, check_last, octahedral};
-use crate::leaves::{LeafLevel, leaf_level};
-use crate::settle::{LARGEST_OF_QUICK, Settled, drawn};
-use crate::twigs::{Twigs, thin_branches};
+use crate::leaves::LeafLevel;
+use crate::search::{Plan, Search};
+use crate::settle::{LARGEST_OF_QUICK, drawn};
+use crate::twigs::thin_branches;
 use crate::wishes::{LARGEST_CROWN, Wishes};
 use crate::yardstick::{LARGEST, Passed, Subject, Yardstick};
 
@@ -41,13 +41,6 @@ const FEWER: ViewCounts = ViewCounts { order: 8, amounts: 8, report: 4 };
 /// Shares of the progress: for simplified leaves and drafts, and for the clouds.
 const SHARE_OF_CHOICE: f64 = 0.3;
 const SHARE_OF_CLOUDS: f64 = 0.85;
-
-/// Clouds that are made however small their pages are, and the least side of the pages of further ones.
-const ON_ANY_PAGE: usize = 2;
-const LEAST_PAGE: usize = 128;
-
-/// Least gain in the logarithm of the cost for which clouds are built anew.
-const LEAST_GAIN: f64 = 0.05;
 
 /// A chain that is wanted.
 pub struct Wanted {
@@ -111,7 +104,8 @@ impl Wanted {
         let judged = match wish {
             None if settings.levels > 0 && leave_a_choice(&settings.fit) => {
                 let plan = Plan::new(&tree, wishes, &yardstick, progress.part(0.0, SHARE_OF_CHOICE))?;
-                tree.cheapest(&plan, wishes, &yardstick, clouds)?
+                let measured = Measured::of(plan.origin(foliage), trunk, settings, clouds.part(0.0, 0.0))?;
+                Search { tree: &tree, plan: &plan, measured: &measured, wishes, yardstick: &yardstick }.best(clouds)?
             }
             _ => {
                 let built = built(foliage, trunk, settings, *wish, clouds)?;
@@ -150,90 +144,9 @@ fn built(
     })
 }
 
-/// The simplified leaves and the ε that a chain's clouds are built with.
-struct Plan {
-    leaf_level: Option<Arc<LeafLevel>>,
-    tried: Vec<TriedEpsilon>,
-}
-
-impl Plan {
-    fn new(tree: &Tree, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Self> {
-        let Tree { foliage, trunk, settings, .. } = *tree;
-        let leaf_level = leaf_level(foliage, wishes, yardstick, settings, progress.part(0.0, 0.4))?.map(Arc::new);
-        let mut tried = Vec::new();
-        if wishes.free {
-            // Billboards show the normals that leaves had before they collapsed.
-            let finest = origin(leaf_level.as_deref(), foliage).finest.with_normals();
-            tried = tried_epsilons(wishes, yardstick, &finest, trunk, settings, progress.part(0.4, 1.0))?;
-        }
-        Ok(Self { leaf_level, tried })
-    }
-
-    /// Builds the clouds from number `first` on, with or without thin branches. `goes_on` tells from the first cloud that is made, its number and
-    /// the triangles of the trunk that it shows whether others are wanted.
-    fn built(
-        &self,
-        tree: &Tree,
-        wishes: &Wishes,
-        (first, twigs): (usize, bool),
-        goes_on: impl Fn(&Level, usize, &[u32]) -> Result<bool>,
-        progress: Progress,
-    ) -> Result<Chosen> {
-        let Tree { foliage, trunk, settings, .. } = *tree;
-        let settings = within_memory(settings, wishes);
-        let mut steps = match self.tried.last() {
-            Some(chosen) => steps(wishes, chosen.epsilon, settings.levels, first),
-            None => given_steps(wishes, settings.fit.epsilon, settings.levels),
-        };
-        if wishes.sizes.is_empty() {
-            // Pages halve from cloud to cloud, and far clouds have a hundred billboards still.
-            let side = settings.texture_size.width.min(settings.texture_size.height);
-            let has_room = |number: &usize| *number < ON_ANY_PAGE || side >> number >= LEAST_PAGE;
-            steps.truncate((0..steps.len()).take_while(has_room).count());
-        }
-        let settings = ChainSettings { levels: steps.len(), steps, ..settings };
-        let twigs = trunk.filter(|_| twigs).map(|trunk| Twigs::of(trunk, foliage, &settings.steps)).transpose()?;
-        let twigs = twigs.unwrap_or_default();
-        let origin = origin(self.leaf_level.as_deref(), foliage);
-        let shown = |sets: usize| twigs.triangles[..sets].concat();
-        let goes_on = |level: &Level, number: usize, sets: usize| goes_on(level, number, &shown(sets));
-        let origin = Origin { twigs: &twigs.foliage, whole: tree.whole.get(), goes_on: Some(&goes_on), ..origin };
-        let chain = lod::build_chain_of(origin, trunk, &settings, progress)?;
-        if let Some(whole) = &chain.whole {
-            tree.whole.get_or_init(|| Arc::clone(whole));
-        }
-        Ok(Chosen {
-            twigs: chain.twigs.iter().map(|&sets| shown(sets)).collect(),
-            chain: Arc::new(chain),
-            offer: None,
-            leaf_levels: self.leaf_level.iter().map(Arc::clone).collect(),
-            octahedral: None,
-            takes_over: Vec::new(),
-            plain: None,
-            tried: self.tried.clone(),
-            q: wishes.q(),
-        })
-    }
-}
-
 /// Returns the diameter of the crown in pixels where the first cloud takes over.
 pub(crate) fn first_cloud(chosen: &Chosen) -> Option<f64> {
     chosen.takes_over.get(chosen.leaf_levels.len()).map(|passed| passed.crown)
-}
-
-/// Returns what clouds are built from.
-fn origin<'a>(leaf_level: Option<&'a LeafLevel>, foliage: &'a Foliage) -> Origin<'a> {
-    leaf_level.map_or(Origin::of(foliage), |level| level.origin(foliage))
-}
-
-/// Returns the settings with pages within the budget of memory, unless they are given.
-fn within_memory(settings: &ChainSettings, wishes: &Wishes) -> ChainSettings {
-    let channels = settings.channels.completed();
-    let images =
-        1 + [channels.normal.is_some(), channels.orm, channels.translucency].into_iter().filter(|on| *on).count();
-    let side = wishes.page_side(images).min(settings.texture_size.width);
-    let texture_size = if settings.fitting_pages { side.into() } else { settings.texture_size };
-    ChainSettings { texture_size, ..settings.clone() }
 }
 
 fn with_fewer_views(settings: &ChainSettings) -> ChainSettings {
@@ -259,8 +172,6 @@ pub(crate) struct Tree<'a> {
     pub yardsticks: RefCell<Vec<(Vec<u32>, Rc<Yardstick<'a>>)>>,
     /// The yardstick for impostors, which show the trunk, too.
     of_impostors: Yardstick<'a>,
-    /// The renderings of leaves and trunk that impostors are compared with, once they are known.
-    whole: OnceCell<Arc<References>>,
     /// The octahedral impostors that were built.
     octahedral: Built,
 }
@@ -270,84 +181,12 @@ impl<'a> Tree<'a> {
         let (up, lit) = (settings.up, settings.is_lit());
         let of_impostors =
             Yardstick::new(Cow::Borrowed(foliage), trunk.map(Cow::Borrowed), up, lit, LARGEST_OF_IMPOSTORS);
-        let (fewer, whole, yardsticks, octahedral) = Default::default();
-        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, whole, octahedral }
+        let (fewer, yardsticks, octahedral) = Default::default();
+        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, octahedral }
     }
 }
 
 impl Tree<'_> {
-    /// Builds the clouds for the plan with thin branches; if they take over late then, or one does not look like the leaves, without them, too.
-    /// Returns the clouds that all look like the leaves, or with which the tree is cheaper to draw.
-    fn cheapest(&self, plan: &Plan, wishes: &Wishes, yardstick: &Yardstick, progress: Progress) -> Result<Chosen> {
-        let [with, without] = [(0.0, 0.5), (0.5, 1.0)].map(|(from, to)| progress.part(from, to));
-        let twigs = !self.thin.is_empty();
-        let best = match self.cheapest_of(plan, twigs, wishes, yardstick, with) {
-            // Branches may need more billboards than a small page holds.
-            Err(Error::Invalid(_)) if twigs => {
-                return self.cheapest_of(plan, false, wishes, yardstick, without).map(|built| built.chosen);
-            }
-            best => best?,
-        };
-        let is_early = |crown: f64| crown >= CROWNS[1];
-        if !twigs || best.walk.passes && first_cloud(&best.chosen).is_some_and(is_early) {
-            return Ok(best.chosen);
-        }
-        let other = self.cheapest_of(plan, false, wishes, yardstick, without)?;
-        Ok(if other.walk.is_better(&best.walk) { other.chosen } else { best.chosen })
-    }
-
-    /// Builds the clouds, and finds where they take over. Where the first one would take over only at the size of the second, or a walk without it
-    /// would be cheaper, the second is built from the leaves in its place, if the tree is then cheaper to draw.
-    fn cheapest_of(
-        &self,
-        plan: &Plan,
-        twigs: bool,
-        wishes: &Wishes,
-        yardstick: &Yardstick,
-        progress: Progress,
-    ) -> Result<Settled> {
-        let choices = if plan.tried.is_empty() || self.settings.every_level { 1 } else { self.settings.levels };
-        let done = |tries: usize| 1.0 - libm::pow(0.5, tries as f64);
-        let judged = |first: usize, may_stop: bool, part: Progress| {
-            let (found, stopped) = (Cell::new(None), Cell::new(false));
-            // Where the first cloud takes over as late as the second, the second is tried in its place: others are not worth their time before.
-            let goes_on = |cloud: &Level, number: usize, shown: &[u32]| {
-                let passed = self.passed(cloud, 0, shown, wishes, yardstick)?;
-                found.set(Some(passed));
-                let is_late = CROWNS.get(first + number + 1).is_some_and(|next| passed.crown < *next);
-                stopped.set(may_stop && is_late);
-                Ok(!stopped.get())
-            };
-            let built = plan.built(self, wishes, (first, twigs), goes_on, part)?;
-            let settled = self.judged(built, found.get(), wishes, yardstick, part.part(1.0, 1.0))?;
-            Ok(Settled { stopped: stopped.get(), ..settled })
-        };
-        let part = |tries: usize| progress.part(done(tries), done(tries + 1));
-        let (mut best, mut best_first) = (judged(0, choices > 1, part(0))?, 0);
-        for (first, crown) in CROWNS.into_iter().enumerate().take(choices).skip(1) {
-            let is_early = first_cloud(&best.chosen).is_some_and(|found| found >= crown);
-            if is_early && best.without_first > best.walk.cost - LEAST_GAIN {
-                break;
-            }
-            let next = match judged(first, first + 1 < choices, part(first)) {
-                // A chain that cannot be built is no better.
-                Err(Error::Invalid(_)) => break,
-                next => next?,
-            };
-            if !next.walk.is_better(&best.walk) {
-                break;
-            }
-            (best, best_first) = (next, first);
-        }
-        if !best.stopped {
-            return Ok(best);
-        }
-        match judged(best_first, false, progress.part(done(choices), 1.0)) {
-            Err(Error::Invalid(_)) => Ok(best),
-            whole => whole,
-        }
-    }
-
     /// Adds the last level. Where an octahedral impostor takes over nearly as early as the first cloud, it is drawn in place of all clouds.
     fn finished(&self, chosen: Chosen, wishes: Option<&Wishes>, last: Last, progress: Progress) -> Result<Chosen> {
         self.yardsticks.borrow_mut().clear();

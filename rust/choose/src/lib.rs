@@ -12,6 +12,7 @@ mod last;
 mod leaves;
 pub mod looks;
 mod scene;
+mod search;
 mod settle;
 pub mod sway;
 mod twigs;

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
-use leafcloud::lod::{Chain, Level};
+use leafcloud::lod::{Chain, ChainSettings, Level};
 use leafcloud::{Foliage, Progress};
 
 use crate::chain::{Chosen, Tree};
@@ -36,8 +36,6 @@ pub struct Settled {
     pub walk: Walk,
     /// The logarithm of the cost without its first cloud; infinite if it has one or none.
     pub without_first: f64,
-    /// Whether clouds were left out because the first one takes over late.
-    pub stopped: bool,
 }
 
 impl<'a> Tree<'a> {
@@ -76,7 +74,7 @@ impl<'a> Tree<'a> {
             let known = first.filter(|_| number == 0);
             takes_over.push(known.map_or_else(|| self.passed(level, number, twigs, wishes, yardstick), Ok)?);
         }
-        let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings.every_level);
+        let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings);
         self.settled(chosen, wishes, yardstick, progress)
     }
 
@@ -92,8 +90,8 @@ impl<'a> Tree<'a> {
         let mut levels = costs.levels(&chosen, fewer, wishes);
         let (leaf_levels, count) = (usize::from(levels.simplified.is_some()), levels.clouds.len());
         let room = MOST_LEVELS.saturating_sub(leaf_levels + usize::from(self.settings.cross));
-        let has_cross = chosen.chain.levels.last().is_some_and(Level::is_cross);
-        let may_go = !fewer.is_empty() && has_cross && levels.clouds.first().is_some_and(|first| !first.passes);
+        let may_go =
+            !fewer.is_empty() && self.settings.cross && levels.clouds.first().is_some_and(|first| !first.passes);
         let is_wished = self.settings.every_level || !wishes.sizes.is_empty();
         let walk = scenes.best(&levels, room, if is_wished { count } else { usize::from(!may_go) });
         let mut without_first = f64::INFINITY;
@@ -102,7 +100,7 @@ impl<'a> Tree<'a> {
             without_first = scenes.best(&levels, room, 1).cost;
         }
         let fewer = fewer.iter().map(|(level, _)| level.clone()).collect();
-        Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first, stopped: false })
+        Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first })
     }
 
     /// Returns what the levels of a chain cost to draw.
@@ -243,13 +241,13 @@ fn keep_clouds(chain: &mut Chain, count: usize) {
     });
 }
 
-/// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them.
-fn without_failing(chosen: Chosen, every_level: bool) -> Chosen {
+/// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them. A chain has one level at least.
+fn without_failing(chosen: Chosen, settings: &ChainSettings) -> Chosen {
     let Chosen { chain, mut takes_over, mut twigs, .. } = chosen;
     let mut chain = Arc::unwrap_or_clone(chain);
-    while !every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
+    while !settings.every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
         let clouds = clouds(&chain).count();
-        if clouds == 0 || chain.levels.len() == 1 {
+        if clouds == 0 || clouds == 1 && !settings.cross {
             break;
         }
         takes_over.pop();

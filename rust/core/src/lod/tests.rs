@@ -3,6 +3,7 @@ use glam::{DVec3, Vec2, Vec4};
 use super::references::report_views;
 use super::*;
 use crate::atlas::PageSize;
+use crate::fit::FitSettings;
 use crate::foliage::{AlphaMode, Attributes, Image, Material};
 use crate::metrics::Reference;
 use crate::textures::{Channels, Samples};
@@ -309,8 +310,10 @@ fn clouds_show_twigs_and_only_leaves_move() {
         Some(Foliage::new(&corners, faces, Attributes::default(), vec![brown.clone()]).unwrap())
     };
     let twigs = [strip(0.0), strip(1.0)];
-    let origin = Origin { twigs: &twigs, ..Origin::of(&leaves) };
-    let with = build_chain_of(origin, None, &settings(), Progress::silent()).unwrap();
+    let measured = Measured::of(Origin::of(&leaves), None, &settings(), Progress::silent()).unwrap();
+    let mut clouds = Clouds::new(&measured, settings(), twigs.to_vec()).unwrap();
+    while clouds.add(Progress::silent()).unwrap().is_some() {}
+    let with = clouds.with_cross(clouds.chain(), Progress::silent()).unwrap();
     let without = build_chain(&leaves, None, &settings(), Progress::silent()).unwrap();
     assert_eq!((with.twigs, without.twigs), (vec![1, 2], vec![0, 0]));
     let red = |level: &Level| level.page.base_color.pixels().iter().filter(|p| p[3] > 127 && p[0] > p[1]).count();
@@ -349,17 +352,17 @@ fn leaves_cover_as_much_on_fine_pages_as_on_coarse_ones() {
 }
 
 #[test]
-fn clouds_are_built_until_none_is_wanted() {
+fn clouds_are_built_one_after_another() {
     let foliage = ball(300);
-    let built = |more: bool| {
-        let goes_on = |first: &Level, number: usize, twigs: usize| {
-            assert!(!first.is_cross() && number == 0 && twigs == 0);
-            Ok(more)
-        };
-        let origin = Origin { goes_on: Some(&goes_on), ..Origin::of(&foliage) };
-        build_chain_of(origin, None, &ChainSettings { every_level: true, ..settings() }, Progress::silent()).unwrap()
-    };
+    let settings = ChainSettings { every_level: true, ..settings() };
+    let measured = Measured::of(Origin::of(&foliage), None, &settings, Progress::silent()).unwrap();
+    let mut clouds = Clouds::new(&measured, settings, Vec::new()).unwrap();
+    let built = |clouds: &Clouds| clouds.with_cross(clouds.chain(), Progress::silent()).unwrap();
     let methods = |chain: &Chain| chain.levels.iter().map(|level| level.method).collect::<Vec<_>>();
-    assert_eq!(methods(&built(true)), ["stochastic", "stochastic", "cross"]);
-    assert_eq!(methods(&built(false)), ["stochastic", "cross"]);
+    assert_eq!(clouds.add(Progress::silent()).unwrap(), Some(0));
+    assert_eq!(methods(&built(&clouds)), ["stochastic", "cross"]);
+    assert!(!clouds.is_complete());
+    assert_eq!(clouds.add(Progress::silent()).unwrap(), Some(1));
+    assert_eq!(methods(&built(&clouds)), ["stochastic", "stochastic", "cross"]);
+    assert_eq!(clouds.add(Progress::silent()).unwrap(), None);
 }
