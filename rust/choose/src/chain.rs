@@ -21,7 +21,7 @@ use leafcloud_curve::{Offer, Wish, build_within};
 
 use crate::clouds::{TriedEpsilon, leave_a_choice};
 use crate::costs::Prices;
-use crate::last::{Built, Judge, LEAST_STEP, Last, Place, check_last, octahedral};
+use crate::last::{Drafts, Judge, LEAST_STEP, Last, Place, check_last, octahedral};
 use crate::leaves::LeafLevel;
 use crate::search::{Plan, Search};
 use crate::settle::{LARGEST_OF_QUICK, drawn};
@@ -172,8 +172,8 @@ pub(crate) struct Tree<'a> {
     pub yardsticks: RefCell<Vec<(Vec<u32>, Rc<Yardstick<'a>>)>>,
     /// The yardstick for impostors, which show the trunk, too.
     of_impostors: Yardstick<'a>,
-    /// The octahedral impostors that were built.
-    octahedral: Built,
+    /// The octahedral impostors that were drafted.
+    drafts: Drafts,
 }
 
 impl<'a> Tree<'a> {
@@ -181,8 +181,8 @@ impl<'a> Tree<'a> {
         let (up, lit) = (settings.up, settings.is_lit());
         let of_impostors =
             Yardstick::new(Cow::Borrowed(foliage), trunk.map(Cow::Borrowed), up, lit, LARGEST_OF_IMPOSTORS);
-        let (fewer, yardsticks, octahedral) = Default::default();
-        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, octahedral }
+        let (fewer, yardsticks, drafts) = Default::default();
+        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, drafts }
     }
 }
 
@@ -214,8 +214,8 @@ impl Tree<'_> {
         let before_crown = chosen.takes_over.last().map_or(f64::INFINITY, |passed| passed.crown);
         let of_leaves = chosen.leaf_levels.last().map_or(self.foliage, |level| &level.leaves.foliage);
         let before = before.as_ref().unwrap_or(of_leaves);
-        let built = &self.octahedral;
-        let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain, built };
+        let drafts = &self.drafts;
+        let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain, drafts };
         let progress = progress.part(SHARE_OF_CLOUDS, 1.0);
         let Some(wishes) = wishes else {
             let made = octahedral(last, None, place, self.settings, progress)?;

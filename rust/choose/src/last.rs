@@ -5,10 +5,12 @@
 //! these distances.
 
 use std::cell::RefCell;
+use std::rc::Rc;
 use std::sync::Arc;
 
+use glam::DVec3;
 use leafcloud::error::Result;
-use leafcloud::lod::octahedral::{Layout, Octahedral, Size};
+use leafcloud::lod::octahedral::{Draft, Layout, Octahedral, Shown, Size};
 use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING, References};
 use leafcloud::metrics::drawing_cost;
 use leafcloud::{Error, Foliage, Progress};
@@ -54,13 +56,34 @@ pub struct Place<'a> {
     /// The chain of the tree.
     pub chain: &'a Chain,
     /// Impostors of the tree.
-    pub built: &'a Built,
+    pub drafts: &'a Drafts,
 }
 
-/// The octahedral impostors of a tree that were built: they are the same beside all chains.
-pub type Built = RefCell<Vec<(Size, Arc<Octahedral>)>>;
+/// The octahedral impostors of a tree that were drafted: they are the same beside all chains.
+pub type Drafts = RefCell<Vec<Rc<Draft>>>;
 
 impl Place<'_> {
+    /// Returns the draft of an impostor, for eyes in the directions `seen_from`, and what it shows.
+    fn draft(
+        &self,
+        size: Size,
+        seen_from: &[DVec3],
+        settings: &ChainSettings,
+        progress: Progress,
+    ) -> Result<(Rc<Draft>, Shown<'_>)> {
+        let shown = Shown { parts: self.parts, simpler: self.simpler(settings.up, size) };
+        let is_known = |draft: &&Rc<Draft>| draft.impostor().layout.size == size;
+        if let Some(known) = self.drafts.borrow().iter().find(is_known) {
+            return Ok((Rc::clone(known), shown));
+        }
+        let frame = self.parts[0].frame();
+        let measured = || References::new(self.parts, self.parts, frame, settings).map(Arc::new);
+        let references = self.chain.whole.clone().map_or_else(measured, Ok)?;
+        let draft = Rc::new(Draft::of(shown, size, &references, seen_from, settings, progress)?);
+        self.drafts.borrow_mut().push(Rc::clone(&draft));
+        Ok((draft, shown))
+    }
+
     /// Returns the simplified leaves, if they deviate by less than a texel of the impostor.
     fn simpler(&self, up: glam::DVec3, size: Size) -> Option<&Foliage> {
         let simpler = self.simpler?;
@@ -99,21 +122,12 @@ pub fn octahedral(
 ) -> Result<Option<(Arc<Octahedral>, Option<Passed>)>> {
     check_last(last, settings)?;
     let Some(cross) = place.chain.levels.last().filter(|level| level.is_cross()) else { return Ok(None) };
-    let build = |size: Size| -> Result<Arc<Octahedral>> {
-        if let Some((_, known)) = place.built.borrow().iter().find(|(known, _)| *known == size) {
-            return Ok(Arc::clone(known));
-        }
-        let simpler = place.simpler(settings.up, size);
-        let known = place.chain.whole.clone();
-        let measured = || References::new(place.parts, place.parts, place.parts[0].frame(), settings).map(Arc::new);
-        let references = &*known.map_or_else(measured, Ok)?;
-        let built = Octahedral::build(place.parts, simpler, size, references, settings, progress).map(Arc::new)?;
-        place.built.borrow_mut().push((size, Arc::clone(&built)));
-        Ok(built)
-    };
+    let finished =
+        |(draft, shown): (Rc<Draft>, Shown)| draft.finished(shown, settings, progress.part(0.5, 1.0)).map(Arc::new);
+    let drafted = |size: Size, eyes: &[DVec3]| place.draft(size, eyes, settings, progress.part(0.0, 0.5));
     let Some(judge) = judge else {
         return if last == Last::Octahedral {
-            build(Size::default()).map(|built| Some((built, None)))
+            drafted(Size::default(), &[]).and_then(finished).map(|built| Some((built, None)))
         } else {
             Ok(None)
         };
@@ -123,21 +137,23 @@ pub fn octahedral(
     }
     let is_wished = last == Last::Octahedral;
     let has_room = is_wished || judge.memory_budget >= megabytes(Size::for_crown(LARGEST), place);
-    let judged = |most: f64| -> Result<(Arc<Octahedral>, Passed)> {
+    let eyes: Vec<DVec3> = judge.yardstick.directions()?.collect();
+    let judged = |most: f64| -> Result<((Rc<Draft>, Shown), Passed)> {
         let largest = most.min(place.before_crown / LEAST_STEP);
-        let built = build(if is_wished { Size::default() } else { Size::for_crown(largest) })?;
-        let passed = judge.yardstick.largest(Subject::Octahedral(&built), judge.q, largest)?;
-        Ok((built, passed))
+        let draft = drafted(if is_wished { Size::default() } else { Size::for_crown(largest) }, &eyes)?;
+        let passed = judge.yardstick.largest(Subject::Octahedral(draft.0.impostor()), judge.q, largest)?;
+        Ok((draft, passed))
     };
-    let (mut built, mut passed) = judged(if has_room { LARGEST } else { LARGEST_OF_SMALL })?;
+    let (mut draft, mut passed) = judged(if has_room { LARGEST } else { LARGEST_OF_SMALL })?;
     let is_large = LARGEST.min(place.before_crown / LEAST_STEP) > LARGEST_OF_SMALL;
-    if has_room && is_large && !is_wished && passed.crown <= LARGEST_OF_SMALL {
-        // Pages that serve no larger crown than small ones are not worth their memory.
-        (built, passed) = judged(LARGEST_OF_SMALL)?;
+    if has_room && is_large && !is_wished && passed.passes && passed.crown <= LARGEST_OF_SMALL {
+        // Pages that serve no larger crown than small ones are not worth their memory. Small ones pass where large ones do, at most.
+        (draft, passed) = judged(LARGEST_OF_SMALL)?;
     }
     let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, passed.crown)?;
-    let is_worth_it = passed.passes && saving(place, passed.crown, cross, &built.layout, settings.up)? >= LEAST_SAVING;
-    Ok((is_wished || is_worth_it).then_some((built, Some(passed))))
+    let layout = &draft.0.impostor().layout;
+    let is_worth_it = passed.passes && saving(place, passed.crown, cross, layout, settings.up)? >= LEAST_SAVING;
+    (is_wished || is_worth_it).then(|| finished(draft).map(|built| (built, Some(passed)))).transpose()
 }
 
 /// The yardstick for an octahedral impostor, and its limits.
@@ -158,7 +174,7 @@ fn megabytes(size: Size, place: Place) -> f64 {
 }
 
 /// Returns the share of the cost of the level before that the impostor saves where the cross impostor may not yet take over.
-fn saving(place: Place, crown: f64, cross: Passed, layout: &Layout, up: glam::DVec3) -> Result<f64> {
+fn saving(place: Place, crown: f64, cross: Passed, layout: &Layout, up: DVec3) -> Result<f64> {
     let farther = if cross.passes { cross.crown } else { 0.25 * crown };
     if crown <= farther {
         return Ok(0.0);

@@ -151,11 +151,23 @@ impl<'a> Yardstick<'a> {
         if let Some(known) = known.get() {
             return Ok(known);
         }
-        let Self { leaves, still, up, lit, .. } = self;
+        let Self { leaves, still, lit, .. } = self;
         let render = if *lit { Reference::lit } else { Reference::new };
-        let views = Views { count: VIEWS, size: rendered_side(side), samples: Samples::new(2)?, up: *up, turn: 0.5 };
+        let views = self.views(rendered_side(side))?;
         let reference = render(&parts(leaves, still.as_deref()), leaves.frame(), views)?;
         Ok(known.get_or_init(|| Rendered { reference, swaying: Mutex::default() }))
+    }
+
+    fn views(&self, size: usize) -> Result<Views> {
+        Ok(Views { count: VIEWS, size, samples: Samples::new(2)?, up: self.up, turn: 0.5 })
+    }
+
+    /// Returns the directions to the eyes of all pictures, of length 1.
+    ///
+    /// # Errors
+    /// Never: the number of samples is allowed.
+    pub fn directions(&self) -> Result<impl Iterator<Item = DVec3>> {
+        Ok(self.views(LARGEST)?.around(self.leaves.frame()).map(|view| view.direction.normalize()))
     }
 
     /// Returns the figures of the control, for each light.

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use leafcloud::lod::octahedral::{Octahedral, Size};
+use leafcloud::lod::octahedral::{Octahedral, Shown, Size};
 use leafcloud::lod::{ChainSettings, References, build_chain};
 use leafcloud::metrics::{Comparison, drawing_cost};
 use leafcloud::{Foliage, Progress, gltf};
@@ -28,8 +28,9 @@ fn main() {
         let settings = ChainSettings::default();
         let parts = [&foliage];
         let references = References::new(&parts, &parts, foliage.frame(), &settings).expect("pictures");
-        let found = Octahedral::build(&parts, None, Size::default(), &references, &settings, Progress::silent())
-            .expect("an impostor");
+        let shown = Shown { parts: &parts, simpler: None };
+        let found =
+            Octahedral::build(shown, Size::default(), &references, &settings, Progress::silent()).expect("an impostor");
         let bytes = found.color.pixels().len() * 8;
         let scale = 0.5 * CROWN / found.frame.radius;
         let cost = found.layout.cost(&found.frame, scale, settings.up).expect("a cost").total();

@@ -150,41 +150,149 @@ pub struct Octahedral {
     pub seconds: f64,
 }
 
-impl Octahedral {
-    /// Bakes the impostor of all parts; `parts[0]` is the leaves. Alpha then covers as much as the tree and colors have its mean, as for all
-    /// levels. `simpler`: leaves to render in place of `parts[0]`, which deviate by less than a texel. `references`: the renderings of all parts.
+/// What an impostor shows.
+#[derive(Clone, Copy)]
+pub struct Shown<'a> {
+    /// All parts; the first is the leaves.
+    pub parts: &'a [&'a Foliage],
+    /// Leaves to render in their place, which deviate by less than a texel.
+    pub simpler: Option<&'a Foliage>,
+}
+
+impl<'a> Shown<'a> {
+    fn rendered(self) -> Vec<&'a Foliage> {
+        let leaves = self.simpler.unwrap_or(self.parts[0]);
+        std::iter::once(leaves).chain(self.parts[1..].iter().copied()).collect()
+    }
+}
+
+/// An impostor without the views that nothing needed so far: most impostors are not worth drawing, and judging one takes a third of its views.
+pub struct Draft {
+    impostor: Octahedral,
+    rendered: pages::Rendered,
+    openness: Vec<Vec<f32>>,
+    tuning: Tuning,
+}
+
+impl Draft {
+    /// Bakes the views that eyes in the directions `seen_from` see. Alpha then covers as much as the tree and colors have its mean, as for all
+    /// levels. `references`: the renderings of all parts.
     ///
     /// # Errors
     /// A size or setting outside its range; [`Error::Cancelled`].
-    pub fn build(
-        parts: &[&Foliage],
-        simpler: Option<&Foliage>,
+    pub fn of(
+        shown: Shown,
         size: Size,
         references: &References,
+        seen_from: &[DVec3],
         settings: &ChainSettings,
         progress: Progress,
     ) -> Result<Self> {
         size.check()?;
         let started = Instant::now();
-        let layout = Layout::around(parts, settings.up, size);
-        let rendered: Vec<&Foliage> = std::iter::once(simpler.unwrap_or(parts[0])).chain(parts[1..].to_vec()).collect();
-        let triangles = pages::placed(&rendered, &layout.axes, layout.centre);
-        let bend = settings.channels.normal.unwrap_or(0.0);
-        let openness = pages::Openness::of(&rendered, parts[0].frame(), layout.axes.z_axis);
-        let (color, normal_depth) = pages::render(&triangles, &layout, bend, &openness, progress.part(0.0, 0.8))?;
-        let tuning = || progress.tell("tune", 0.8);
-        tuning()?;
+        let layout = Layout::around(shown.parts, settings.up, size);
+        let frame = *shown.parts[0].frame();
+        let openness = pages::openness(&shown.rendered(), &frame, layout.axes.z_axis);
+        let mut rendered = pages::Rendered::none(size);
+        let References { tuning: leaves, report } = references;
+        let own = leaves.views().iter().chain(report.views()).map(|view| view.direction.normalize());
+        let eyes = own.chain(seen_from.iter().copied()).map(|eye| layout.axes.transpose() * eye);
+        let views = eyes.flat_map(|eye| draw::projected(eye, &layout)).map(|view| view.tile);
+        render(&mut rendered, views, shown, &layout, &openness, settings, progress)?;
+        let [color, normal_depth] = rendered.images()?;
+        let tell = || progress.tell("tune", 0.8);
+        tell()?;
         let depth = draw::depths(&normal_depth);
-        let leaves = &references.tuning;
-        let traced = |view: &View| tuning().map(|()| Rays::traced(&layout, &depth, view));
+        let traced = |view: &View| tell().map(|()| Rays::traced(&layout, &depth, view));
         let rays: Vec<Rays> = leaves.views().iter().map(traced).collect::<Result<_>>()?;
-        let (color, alpha_cutoff) = tuned(&layout, color, &normal_depth, &rays, leaves, tuning)?;
-        let normal_depth = opened(&layout, &color, normal_depth, &rays, leaves, tuning)?;
+        let (tuning, color) = tuned(&layout, &color, &normal_depth, &rays, leaves, tell)?;
+        let opening = opening(&layout, &color, &normal_depth, &rays, leaves, tell)?;
+        let tuning = Tuning { opening, ..tuning };
+        let normal_depth = opened(&normal_depth, opening)?;
         let pages = draw::Pages::new(&layout, &color, &normal_depth);
-        let traced = |view: &View| progress.tell("tune", 0.95).map(|()| Rays::traced(&layout, &depth, view));
-        let pictures = compared(&references.report, traced, &pages)?;
-        let (frame, seconds) = (*parts[0].frame(), started.elapsed().as_secs_f64());
-        Ok(Self { layout, frame, color, normal_depth, alpha_cutoff, pictures, seconds })
+        let pictures = compared(report, traced, &pages)?;
+        let (alpha_cutoff, seconds) = (tuning.cutoff, started.elapsed().as_secs_f64());
+        let impostor = Octahedral { layout, frame, color, normal_depth, alpha_cutoff, pictures, seconds };
+        Ok(Self { impostor, rendered, openness, tuning })
+    }
+
+    /// Returns the impostor as it is seen from the directions of this draft. Other views are missing.
+    #[must_use]
+    pub fn impostor(&self) -> &Octahedral {
+        &self.impostor
+    }
+
+    /// Bakes all views. `shown` and `settings` are those of the draft.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    pub fn finished(&self, shown: Shown, settings: &ChainSettings, progress: Progress) -> Result<Octahedral> {
+        let started = Instant::now();
+        let Self { impostor, openness, tuning, .. } = self;
+        let mut rendered = self.rendered.clone();
+        let grid = impostor.layout.size.grid;
+        let views = (0..grid * grid).map(|view| (view % grid, view / grid));
+        render(&mut rendered, views, shown, &impostor.layout, openness, settings, progress)?;
+        let [color, normal_depth] = rendered.images()?;
+        let (color, normal_depth) = (tuning.color(color), opened(&normal_depth, tuning.opening)?);
+        let seconds = impostor.seconds + started.elapsed().as_secs_f64();
+        Ok(Octahedral { color, normal_depth, seconds, ..impostor.clone() })
+    }
+}
+
+/// Renders views of what is shown.
+fn render(
+    rendered: &mut pages::Rendered,
+    views: impl Iterator<Item = (usize, usize)>,
+    shown: Shown,
+    layout: &Layout,
+    openness: &[Vec<f32>],
+    settings: &ChainSettings,
+    progress: Progress,
+) -> Result<()> {
+    let parts = &shown.rendered()[..];
+    let triangles = &pages::placed(parts, &layout.axes, layout.centre)[..];
+    let bend = settings.channels.normal.unwrap_or(0.0);
+    rendered.add(views, &pages::Source { parts, layout, triangles, openness, bend }, progress.part(0.0, 0.8))
+}
+
+/// How the pages are changed so that the impostor looks like the tree.
+#[derive(Clone, Copy, Debug)]
+struct Tuning {
+    /// Alpha is that of leaves this much thinner.
+    clearness: f64,
+    /// Factors on the linear colors.
+    tone: Vec3,
+    /// Factor on the openness.
+    opening: f64,
+    /// The cutoff with which the impostor covers as much when it is cut out.
+    cutoff: f32,
+}
+
+impl Tuning {
+    fn color(&self, color: Image) -> Image {
+        thickened(color, self.clearness).toned(self.tone).base_color
+    }
+}
+
+fn thickened(color: Image, clearness: f64) -> Page {
+    Page::of_color(color).thickened(1.0 / clearness)
+}
+
+impl Octahedral {
+    /// Bakes the impostor. `references`: the renderings of all parts.
+    ///
+    /// # Errors
+    /// Those of [`Draft::of`].
+    pub fn build(
+        shown: Shown,
+        size: Size,
+        references: &References,
+        settings: &ChainSettings,
+        progress: Progress,
+    ) -> Result<Self> {
+        let draft = Draft::of(shown, size, references, &[], settings, progress.part(0.0, 0.5))?;
+        draft.finished(shown, settings, progress.part(0.5, 1.0))
     }
 
     /// Draws the impostor in all views of `base`, beside it.
@@ -224,40 +332,40 @@ impl Octahedral {
 /// Most samples along the side of a picture: all rays of a picture are traced at once, and take some 40 bytes each.
 pub const MOST_SAMPLES: usize = 4096;
 
-/// Returns the color page with coverage and mean color of the leaves, and the cutoff with which it covers as much when it is cut out. Calls `tell`
+/// Returns alpha, colors and cutoff with which the impostor has the coverage and mean color of the leaves, and the color page with them. Calls `tell`
 /// often, and ends with its error.
 fn tuned(
     layout: &Layout,
-    color: Image,
+    color: &Image,
     normal_depth: &Image,
     rays: &[Rays],
     leaves: &Reference,
     tell: impl Fn() -> Result<()>,
-) -> Result<(Image, f32)> {
+) -> Result<(Tuning, Image)> {
     let excess = |silhouette: &(dyn Fn(&Rays, usize) -> Result<Image> + Sync)| {
         tell()?;
         let pictures = rays.par_iter().enumerate().map(|(i, rays)| silhouette(rays, i)).collect::<Result<_>>()?;
         Ok(libm::log(leaves.beside(pictures, None).coverage().max(1e-9)))
     };
-    let page = Page::of_color(color);
-    let thicker = |clearness: f64| page.clone().thickened(1.0 / clearness);
     let blended = |clearness: f64| {
-        let alpha = alphas(&thicker(clearness).base_color);
+        let alpha = alphas(&thickened(color.clone(), clearness).base_color);
         excess(&|rays, _| rays.silhouette(rays.alphas(&alpha).into_iter()))
     };
-    let page = thicker(tune::least_excess(1.0, tune::CLEARNESS_RANGE, tune::COVERAGE_ERROR, blended)?);
-    let alpha = alphas(&page.base_color);
+    let clearness = tune::least_excess(1.0, tune::CLEARNESS_RANGE, tune::COVERAGE_ERROR, blended)?;
+    let page = thickened(color.clone(), clearness).base_color;
+    let alpha = alphas(&page);
     let samples: Vec<Vec<f32>> = rays.iter().map(|rays| rays.alphas(&alpha)).collect();
     let cut = |cutoff: f64| {
         let opaque = |alpha: &f32| draw::opaque_from(*alpha, cutoff as f32);
         excess(&|rays, view| rays.silhouette(samples[view].iter().map(opaque)))
     };
     let cutoff = tune::least_excess(0.5, tune::CUTOFF_RANGE, tune::COVERAGE_ERROR, cut)? as f32;
-    let pages = draw::Pages::new(layout, &page.base_color, normal_depth);
+    let pages = draw::Pages::new(layout, &page, normal_depth);
     let drawn = rays.iter().map(|rays| pages.flat(rays, 0.0)).collect::<Result<_>>()?;
     let tone = leaves.beside(drawn, None).flat.tone();
-    let toned = page.toned(tone.clamp(Vec3::splat(tune::TONES.0), Vec3::splat(tune::TONES.1)));
-    Ok((toned.base_color, cutoff))
+    let tone = tone.clamp(Vec3::splat(tune::TONES.0), Vec3::splat(tune::TONES.1));
+    let tuning = Tuning { clearness, tone, opening: 1.0, cutoff };
+    Ok((tuning, tuning.color(color.clone())))
 }
 
 /// Range of factors on the share of the light that leaves get.
@@ -266,32 +374,34 @@ const OPENINGS: (f64, f64) = (0.25, 4.0);
 /// Greatest error of ln brightness under a sun.
 const BRIGHTNESS_ERROR: f64 = 0.01;
 
-/// Returns the page of normals and depth with the openness scaled until pictures under a sun are as bright as the leaves'. Without lit pictures of
-/// the leaves it stays. The share of the light stands for shadows, and how much sun a crown lets through depends on its leaves.
-fn opened(
+/// Returns the factor on the openness with which pictures under a sun are as bright as the leaves'; 1 without lit pictures of the leaves. The share of
+/// the light stands for shadows, and how much sun a crown lets through depends on its leaves.
+fn opening(
     layout: &Layout,
     color: &Image,
-    normal_depth: Image,
+    normal_depth: &Image,
     rays: &[Rays],
     leaves: &Reference,
     tell: impl Fn() -> Result<()>,
-) -> Result<Image> {
-    let Some(sun) = leaves.sun() else { return Ok(normal_depth) };
-    let scaled = |factor: f64| {
-        let open = |&[x, y, open, height]: &[u8; 4]| [x, y, (f64::from(open) * factor + 0.5).min(255.0) as u8, height];
-        let pixels: Vec<[u8; 4]> = normal_depth.pixels().iter().map(open).collect();
-        Image::new(normal_depth.width(), normal_depth.height(), pixels)
-    };
+) -> Result<f64> {
+    let Some(sun) = leaves.sun() else { return Ok(1.0) };
     let excess = |factor: f64| {
         tell()?;
-        let page = scaled(factor)?;
+        let page = opened(normal_depth, factor)?;
         let pages = draw::Pages::new(layout, color, &page);
         let lit = rays.iter().map(|rays| pages.flat_and_lit(rays, 0.0, sun)).collect::<Result<Vec<_>>>()?;
         let (flat, lit) = lit.into_iter().map(|[flat, lit]| (flat, lit)).unzip();
         let tone = leaves.beside(flat, Some(lit)).lit.map_or(Vec3::ONE, |lit| lit.tone());
         Ok(libm::log(f64::from(tone.element_sum()) / 3.0))
     };
-    scaled(tune::least_excess(1.0, OPENINGS, BRIGHTNESS_ERROR, excess)?)
+    tune::least_excess(1.0, OPENINGS, BRIGHTNESS_ERROR, excess)
+}
+
+/// Returns the page of normals and depth with the openness times a factor.
+fn opened(normal_depth: &Image, factor: f64) -> Result<Image> {
+    let open = |&[x, y, open, height]: &[u8; 4]| [x, y, (f64::from(open) * factor + 0.5).min(255.0) as u8, height];
+    let pixels: Vec<[u8; 4]> = normal_depth.pixels().iter().map(open).collect();
+    Image::new(normal_depth.width(), normal_depth.height(), pixels)
 }
 
 /// Returns the alpha of each texel.

@@ -16,32 +16,20 @@ use crate::textures::{
     Canvas, Channel, Outlook, Samples, ScreenTriangle, Seen, Shader, Sky, Window, fill_transparent, rasterise_timed,
 };
 
-/// The share of the light from above that each triangle gets in its middle. Suns are above, so leaves on top of a crown are lit, and its sides
-/// shade themselves: each direction of the sky counts by its height above the horizon.
-pub(super) struct Openness<'a> {
-    parts: &'a [&'a Foliage],
-    shares: Vec<Vec<f32>>,
-}
-
-impl<'a> Openness<'a> {
-    /// Measures the parts of a tree. `frame`: of the leaves. `up`: of length 1, in the caller's axes.
-    pub fn of(parts: &'a [&'a Foliage], frame: &Frame, up: DVec3) -> Self {
-        // The mean of m + b · l over the upper half of the sky, weighted by height, is m + ⅔ b · up.
-        let above = up.as_vec3() * (2.0 / 3.0);
-        let sky = Sky::over(parts, frame);
-        let share = |part: &Foliage, triangle: usize| {
-            let [a, b, c] = part.corners(triangle);
-            let Outlook { share, toward } = sky.from(part.frame().to_caller((a + b + c) / 3.0));
-            ((share + toward.dot(above)) / OPEN).clamp(0.0, 1.0)
-        };
-        let of_part = |part: &&Foliage| (0..part.triangle_count()).into_par_iter().map(|t| share(part, t)).collect();
-        Self { parts, shares: parts.iter().map(of_part).collect() }
-    }
-
-    fn at(&self, foliage: &Foliage, triangle: u32) -> f32 {
-        let part = self.parts.iter().position(|part| std::ptr::eq(*part, foliage));
-        part.map_or(0.5, |part| self.shares[part][triangle as usize])
-    }
+/// The share of the light from above that each triangle of each part gets in its middle. Suns are above, so leaves on top of a crown are lit, and its
+/// sides shade themselves: each direction of the sky counts by its height above the horizon. `frame`: of the leaves. `up`: of length 1, in the
+/// caller's axes.
+pub(super) fn openness(parts: &[&Foliage], frame: &Frame, up: DVec3) -> Vec<Vec<f32>> {
+    // The mean of m + b · l over the upper half of the sky, weighted by height, is m + ⅔ b · up.
+    let above = up.as_vec3() * (2.0 / 3.0);
+    let sky = Sky::over(parts, frame);
+    let share = |part: &Foliage, triangle: usize| {
+        let [a, b, c] = part.corners(triangle);
+        let Outlook { share, toward } = sky.from(part.frame().to_caller((a + b + c) / 3.0));
+        ((share + toward.dot(above)) / OPEN).clamp(0.0, 1.0)
+    };
+    let of_part = |part: &&Foliage| (0..part.triangle_count()).into_par_iter().map(|t| share(part, t)).collect();
+    parts.iter().map(of_part).collect()
 }
 
 /// What a view shows of each texel.
@@ -49,7 +37,8 @@ enum Texel<'a> {
     Color,
     /// Bent toward the hull of the crown by this share.
     Normal(f32),
-    Openness(&'a Openness<'a>),
+    /// The parts, and [`openness`] of their triangles.
+    Openness(&'a [&'a Foliage], &'a [Vec<f32>]),
     /// Height toward the viewer, as a share of the layout's depth.
     Depth,
 }
@@ -59,7 +48,11 @@ impl Shader for Texel<'_> {
         match self {
             Self::Color => Channel::BaseColor.shade(seen),
             Self::Normal(bend) => Channel::Normal(*bend).shade(seen),
-            Self::Openness(openness) => Vec3::splat(openness.at(seen.triangle.foliage, seen.triangle.triangle)),
+            Self::Openness(parts, shares) => {
+                let ScreenTriangle { foliage, triangle, .. } = *seen.triangle;
+                let part = parts.iter().position(|part| std::ptr::eq(*part, foliage));
+                Vec3::splat(part.map_or(0.5, |part| shares[part][triangle as usize]))
+            }
             Self::Depth => {
                 let heights = Vec3::from_array(seen.triangle.corners.map(|corner| corner.z));
                 Vec3::splat(heights.dot(seen.spot.weights))
@@ -91,45 +84,77 @@ pub(super) fn placed<'a>(parts: &[&'a Foliage], axes: &DMat3, centre: DVec3) -> 
     parts.iter().flat_map(of_part).collect()
 }
 
-/// Renders all views. Returns base color (sRGB, straight alpha), and x and y of normals in the view's axes, openness and depth, all but the
-/// openness in [−1, 1] as codes. Gaps have the values of their surroundings.
-pub(super) fn render(
-    triangles: &[Placed],
-    layout: &Layout,
-    bend: f32,
-    openness: &Openness,
-    progress: Progress,
-) -> Result<(Image, Image)> {
-    let Size { grid, texels } = layout.size;
-    let side = grid * texels;
-    let samples = Samples::new(SAMPLES)?;
-    let shaders = [Texel::Color, Texel::Normal(bend), Texel::Openness(openness), Texel::Depth];
-    let mut pages = [vec![[0; 4]; side * side], vec![[0; 4]; side * side]];
-    for row in 0..grid {
-        progress.tell("bake", row as f64 / grid as f64)?;
-        let views: Vec<[Vec<[u8; 4]>; 2]> = (0..grid)
-            .into_par_iter()
-            .map(|column| {
-                let direction = from_grid(DVec2::new(column as f64, row as f64), grid);
-                let view = View::new(direction, layout);
-                let drawn: Vec<ScreenTriangle> = triangles.iter().map(|triangle| view.place(triangle)).collect();
-                let silent = Progress::silent();
-                let (mut canvases, _) = rasterise_timed(&drawn, texels, texels, samples, &shaders, silent)?;
-                sharpen(&mut canvases[0]);
-                canvases.iter_mut().for_each(fill_transparent);
-                Ok(codes(&canvases))
-            })
-            .collect::<Result<_>>()?;
-        for (column, view) in views.iter().enumerate() {
-            for (page, pixels) in pages.iter_mut().zip(view) {
-                for (y, line) in pixels.chunks(texels).enumerate() {
-                    page[(row * texels + y) * side + column * texels..][..texels].copy_from_slice(line);
+/// The pages with the views that were rendered: base color (sRGB, straight alpha), and x and y of normals in the view's axes, openness and depth, all
+/// but the openness in [−1, 1] as codes. Gaps have the values of their surroundings; views that are missing are zeros.
+#[derive(Clone, Debug)]
+pub(super) struct Rendered {
+    pages: [Vec<[u8; 4]>; 2],
+    known: Vec<bool>,
+}
+
+impl Rendered {
+    pub fn none(Size { grid, texels }: Size) -> Self {
+        let page = || vec![[0; 4]; (grid * texels).pow(2)];
+        Self { pages: [page(), page()], known: vec![false; grid * grid] }
+    }
+
+    /// Renders those of some views, by column and row, that are missing.
+    pub fn add(&mut self, views: impl Iterator<Item = (usize, usize)>, of: &Source, progress: Progress) -> Result<()> {
+        let Size { grid, texels } = of.layout.size;
+        let mut missing = Vec::new();
+        for (column, row) in views {
+            if !std::mem::replace(&mut self.known[row * grid + column], true) {
+                missing.push((column, row));
+            }
+        }
+        for (number, some) in missing.chunks(grid).enumerate() {
+            progress.tell("bake", (number * grid) as f64 / missing.len() as f64)?;
+            let views = some.par_iter().map(|&view| of.view(view)).collect::<Result<Vec<_>>>()?;
+            for (&(column, row), view) in some.iter().zip(&views) {
+                for (page, pixels) in self.pages.iter_mut().zip(view) {
+                    for (y, line) in pixels.chunks(texels).enumerate() {
+                        page[(row * texels + y) * grid * texels + column * texels..][..texels].copy_from_slice(line);
+                    }
                 }
             }
         }
+        Ok(())
     }
-    let [color, normal] = pages.map(|pixels| Image::new(side, side, pixels));
-    Ok((color?, normal?))
+
+    /// Returns the pages of color, and of normals and depth.
+    pub fn images(&self) -> Result<[Image; 2]> {
+        let [color, normal] = &self.pages;
+        let side = color.len().isqrt();
+        Ok([Image::new(side, side, color.clone())?, Image::new(side, side, normal.clone())?])
+    }
+}
+
+/// What views show.
+pub(super) struct Source<'a> {
+    pub parts: &'a [&'a Foliage],
+    pub layout: &'a Layout,
+    /// [`placed`] parts.
+    pub triangles: &'a [Placed<'a>],
+    /// [`openness`] of their triangles.
+    pub openness: &'a [Vec<f32>],
+    /// Share by which normals are bent toward the hull of the crown.
+    pub bend: f32,
+}
+
+impl Source<'_> {
+    /// Returns the texels of both pages in the view in a column and row of the grid.
+    fn view(&self, (column, row): (usize, usize)) -> Result<[Vec<[u8; 4]>; 2]> {
+        let Size { grid, texels } = self.layout.size;
+        let view = View::new(from_grid(DVec2::new(column as f64, row as f64), grid), self.layout);
+        let drawn: Vec<ScreenTriangle> = self.triangles.iter().map(|triangle| view.place(triangle)).collect();
+        let shaders =
+            [Texel::Color, Texel::Normal(self.bend), Texel::Openness(self.parts, self.openness), Texel::Depth];
+        let samples = Samples::new(SAMPLES)?;
+        let (mut canvases, _) = rasterise_timed(&drawn, texels, texels, samples, &shaders, Progress::silent())?;
+        sharpen(&mut canvases[0]);
+        canvases.iter_mut().for_each(fill_transparent);
+        Ok(codes(&canvases))
+    }
 }
 
 /// The camera of a view.

@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::foliage::{Attributes, Material};
+use crate::lod::ViewCounts;
 use crate::lod::octahedral::mapping::from_grid;
 use crate::textures::Samples;
 
@@ -23,7 +24,8 @@ fn settings() -> ChainSettings {
 
 fn tried(foliage: &Foliage, simpler: Option<&Foliage>, size: Size, settings: &ChainSettings) -> Result<Octahedral> {
     let references = References::new(&[foliage], &[foliage], foliage.frame(), settings).unwrap();
-    Octahedral::build(&[foliage], simpler, size, &references, settings, Progress::silent())
+    let shown = Shown { parts: &[foliage], simpler };
+    Octahedral::build(shown, size, &references, settings, Progress::silent())
 }
 
 fn built(foliage: &Foliage, size: Size, settings: &ChainSettings) -> Octahedral {
@@ -220,4 +222,19 @@ fn simpler_leaves_are_rendered_in_place_of_the_tree_s_and_judged_by_these() {
     let found = build(Some(&small));
     assert_ne!(own.color, found.color);
     assert_eq!(own.pictures.flat.base, found.pictures.flat.base, "the reference is the tree");
+}
+
+#[test]
+fn a_draft_has_what_its_eyes_see() {
+    let foliage = squares(&[(DVec3::ZERO, DVec3::X, DVec3::Z), (DVec3::Y, DVec3::Y * 0.5, DVec3::Z * 0.5)]);
+    let settings = ChainSettings { views: ViewCounts { amounts: 2, report: 2, ..Default::default() }, ..settings() };
+    let references = References::new(&[&foliage], &[&foliage], foliage.frame(), &settings).unwrap();
+    let (shown, size) = (Shown { parts: &[&foliage], simpler: None }, Size { grid: 12, texels: 16 });
+    let eye = DVec3::new(0.6, 0.0, 0.8);
+    let draft = Draft::of(shown, size, &references, &[eye], &settings, Progress::silent()).unwrap();
+    let whole = draft.finished(shown, &settings, Progress::silent()).unwrap();
+    let drawn = |impostor: &Octahedral| impostor.draw(&view(eye, 2.0), 0.0, None).unwrap();
+    assert_eq!(drawn(draft.impostor()).alpha(), drawn(&whole).alpha());
+    let shown = |impostor: &Octahedral| impostor.color.pixels().iter().filter(|pixel| pixel[3] > 0).count();
+    assert!(shown(draft.impostor()) * 2 < shown(&whole));
 }
