@@ -27,6 +27,10 @@ use crate::sway::{motion, swayed};
 pub const LARGEST: usize = 512;
 const SMALLEST: usize = 16;
 
+/// Side of the pictures in which a level is judged first. Most levels that pass there pass in the largest, and most others in the next smaller ones;
+/// a picture of the largest takes sixteen times as long.
+const FIRST: usize = 128;
+
 /// Side of the pictures in which drafts are judged. How much a level differs over the control hardly follows the size.
 pub const OF_DRAFTS: usize = 128;
 
@@ -193,13 +197,17 @@ impl<'a> Yardstick<'a> {
         self.pictures.iter().flat_map(|(sizes, _)| sizes).map(|size| size.side)
     }
 
+    fn size(&self, side: usize) -> Option<(&Size, &OnceLock<Rendered>)> {
+        let sizes = self.pictures.iter().flat_map(|(sizes, known)| sizes.iter().map(move |size| (size, known)));
+        sizes.into_iter().find(|(size, _)| size.side == side)
+    }
+
     /// Judges a level where its pictures are `side` pixels wide. `None` for an unknown size, or without leaves in the pictures.
     ///
     /// # Errors
     /// Those of a render.
     pub fn judge(&self, level: Subject, side: usize, q: f64) -> Result<Option<Judgement>> {
-        let sizes = self.pictures.iter().flat_map(|(sizes, known)| sizes.iter().map(move |size| (size, known)));
-        let Some((size, known)) = sizes.into_iter().find(|(size, _)| size.side == side) else { return Ok(None) };
+        let Some((size, known)) = self.size(side) else { return Ok(None) };
         let rendered = self.rendered(side, known)?;
         Ok(size.judged(&level.beside(&rendered.reference)?, self.control(size, rendered)?, q))
     }
@@ -208,34 +216,56 @@ impl<'a> Yardstick<'a> {
     /// Between two sizes the excess is taken as linear in the logarithm of the size. If it passes nowhere, or no leaf is
     /// seen in the pictures: [`UNJUDGED`].
     ///
+    /// Pictures of [`FIRST`] pixels come first, then larger ones as long as it passes, or else smaller ones until it does.
+    ///
     /// # Errors
     /// Those of a render.
     pub fn largest(&self, level: Subject, q: f64, most: f64) -> Result<Passed> {
-        let (mut above, mut nearly): (Option<Judgement>, Option<Judgement>) = (None, None);
         let is_judged = |side: usize| crown_pixels(side as f64) <= 1.5 * most || side / 2 < SMALLEST;
-        for (sizes, known) in &self.pictures {
-            if !sizes.iter().any(|size| is_judged(size.side)) {
-                continue;
+        let mut compared: Option<(usize, Comparison)> = None;
+        let mut judged = |side: usize| -> Result<Option<Judgement>> {
+            let Some((size, known)) = self.size(side) else { return Ok(None) };
+            let rendered = self.rendered(side, known)?;
+            let pictures = match compared.take() {
+                Some((of_side, pictures)) if of_side == rendered_side(side) => pictures,
+                _ => level.beside(&rendered.reference)?,
+            };
+            let (_, pictures) = compared.insert((rendered_side(side), pictures));
+            Ok(size.judged(pictures, self.control(size, rendered)?, q))
+        };
+        let (larger, smaller): (Vec<usize>, Vec<usize>) =
+            self.sides().filter(|side| is_judged(*side)).partition(|side| *side > FIRST);
+        let passes = |judged: &Judgement| judged.excess(q).0 <= 1.0;
+        let (mut passed, mut above, mut nearly) = (None, None, None::<Judgement>);
+        for side in smaller {
+            let Some(found) = judged(side)? else { continue };
+            if passes(&found) {
+                passed = Some(found);
+                break;
             }
-            let rendered = self.rendered(sizes[0].side, known)?;
-            let pictures = level.beside(&rendered.reference)?;
-            for size in sizes.iter().filter(|size| is_judged(size.side)) {
-                let Some(judged) = size.judged(&pictures, self.control(size, rendered)?, q) else { continue };
-                let (excess, _) = judged.excess(q);
-                if excess <= 1.0 {
-                    let over = above.map(|above| (above.crown, above.excess(q).0));
-                    let crown = over.map_or(most, |(crown, larger)| {
-                        judged.crown * libm::pow(crown / judged.crown, (1.0 - excess) / (larger - excess))
-                    });
-                    return Ok(Passed { crown: crown.min(most), judged, passes: true });
-                }
-                above = Some(judged);
-                if judged.crown <= SMALLISH && nearly.is_none_or(|known| excess < known.excess(q).0) {
-                    nearly = above;
-                }
+            above = Some(found);
+            if found.crown <= SMALLISH && nearly.is_none_or(|known| found.excess(q).0 < known.excess(q).0) {
+                nearly = above;
             }
         }
-        Ok(Passed { crown: UNJUDGED, judged: nearly.unwrap_or_default(), passes: false })
+        if above.is_none() {
+            for side in larger.into_iter().rev() {
+                let Some(found) = judged(side)? else { continue };
+                if !passes(&found) {
+                    above = Some(found);
+                    break;
+                }
+                passed = Some(found);
+            }
+        }
+        let Some(judged) = passed else {
+            return Ok(Passed { crown: UNJUDGED, judged: nearly.unwrap_or_default(), passes: false });
+        };
+        let between = |above: Judgement| {
+            let [excess, larger] = [judged, above].map(|each| each.excess(q).0);
+            judged.crown * libm::pow(above.crown / judged.crown, (1.0 - excess) / (larger - excess))
+        };
+        Ok(Passed { crown: above.map_or(most, between).min(most), judged, passes: true })
     }
 }
 

@@ -209,7 +209,13 @@ pub fn seen_behind(leaves: Option<&Foliage>, parts: &[&Foliage], view: &View) ->
 /// Returns all triangles in screen coordinates.
 fn on_screen<'a>(parts: &[&'a Foliage], view: &View) -> Result<Vec<ScreenTriangle<'a>>> {
     let eye = checked(parts, view)?;
-    Ok(parts.iter().flat_map(|&part| placed(part, |triangle| part.corners(triangle), view, eye)).collect())
+    let of_part = |&part: &&'a Foliage| placed(part, |triangle| part.corners(triangle), view, eye);
+    let (first, others) = parts.split_first().expect("there are parts");
+    let mut triangles = of_part(first);
+    for part in others {
+        triangles.extend(of_part(part));
+    }
+    Ok(triangles)
 }
 
 /// Checks a view of parts, and returns its direction with length 1.

@@ -24,7 +24,7 @@ use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use self::depths::Depths;
-use self::tiles::{Tiles, bounds, covered, overlap, samples_of};
+use self::tiles::{Tiles, bounds, middles, overlap, samples_of};
 use super::samples::{Edges, Samples, TILE, Thresholds};
 use crate::error::Result;
 use crate::foliage::{BLOCK, Foliage, Spot, Surface};
@@ -147,7 +147,7 @@ pub(crate) fn rasterise_timed<'a>(
     // Nanoseconds for visibility, then for each shader.
     let spent: Vec<AtomicU64> = (0..=shaders.len()).map(|_| AtomicU64::new(0)).collect();
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
-    let lists = tiles.lists(triangles);
+    let lists = tiles.lists(triangles, samples);
     let empty = || Canvas { width, height, pixels: vec![Vec4::ZERO; width * height] };
     let mut canvases: Vec<Canvas> = shaders.iter().map(|_| empty()).collect();
     // Each row of tiles is a separate band of every canvas.
@@ -308,9 +308,8 @@ impl<'a> Tile<'a> {
         let low = corners[0].min(corners[1]).min(corners[2]);
         let high = corners[0].max(corners[1]).max(corners[2]);
         let Window { columns, rows, .. } = triangle.window;
-        let rows = overlap(&covered(low.y - 0.5, high.y, 1.0, self.side), &samples_of(rows, origin.y, self.samples));
-        let columns =
-            overlap(&covered(low.x - 0.5, high.x, 1.0, self.side), &samples_of(columns, origin.x, self.samples));
+        let rows = overlap(&middles(low.y, high.y, self.side), &samples_of(rows, origin.y, self.samples));
+        let columns = overlap(&middles(low.x, high.x, self.side), &samples_of(columns, origin.x, self.samples));
         let depths = Vec3::from_array(triangle.corners.map(|c| c.z));
         // Interpolated depths may be a few roundings nearer than all corners.
         let nearest = triangle.nearest() + 8.0 * f32::EPSILON * depths.abs().max_element();
@@ -318,26 +317,28 @@ impl<'a> Tile<'a> {
             return;
         }
         let Some(edges) = Edges::new(corners) else { return };
-        let steps = edges.steps();
-        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, steps, self.filter);
-        if !edges.front && !surface.double_sided() {
+        let flat = Flat { edges, depths, reach: triangle.reach };
+        let is_small = columns.len() <= BLOCK && rows.len() <= BLOCK;
+        // Most small triangles lie between the samples, or are hidden.
+        if is_small && !rows.clone().any(|y| flat.not_behind(columns.start, y, self.shown(&columns, y)).0 != 0) {
             return;
         }
-        let mut drawing = Drawing {
-            index,
-            surface,
-            edges,
-            depths,
-            nearest,
-            reach: triangle.reach,
-            threshold: Thresholds::new(self.samples, index),
-            any: false,
-        };
-        for top in rows.clone().step_by(BLOCK) {
-            self.add_band(&mut drawing, &columns, top..(top + BLOCK).min(rows.end));
+        let steps = flat.edges.steps();
+        let surface = Surface::spread(triangle.foliage, triangle.triangle as usize, steps, self.filter);
+        if !flat.edges.front && !surface.double_sided() {
+            return;
+        }
+        let threshold = Thresholds::new(self.samples, index);
+        let mut drawing = Drawing { index, surface, flat, nearest, threshold, any: false };
+        if is_small {
+            self.add_block(&mut drawing, &columns, &rows, |_| columns.clone());
+        } else {
+            for top in rows.clone().step_by(BLOCK) {
+                self.add_band(&mut drawing, &columns, top..(top + BLOCK).min(rows.end));
+            }
         }
         if drawing.any {
-            self.drawn.push(Fragment { index, edges: drawing.edges, surface: drawing.surface });
+            self.drawn.push(Fragment { index, edges: drawing.flat.edges, surface: drawing.surface });
         }
     }
 
@@ -347,40 +348,56 @@ impl<'a> Tile<'a> {
         let mut spans: [Range<usize>; BLOCK] = std::array::from_fn(|_| 0..0);
         let mut whole = Range { start: usize::MAX, end: 0 };
         for (y, span) in rows.clone().zip(&mut spans) {
-            *span = drawing.edges.span(y as f32 + 0.5, columns);
+            *span = drawing.flat.edges.span(y as f32 + 0.5, columns);
             if span.start < span.end {
                 whole = whole.start.min(span.start)..whole.end.max(span.end);
             }
         }
-        let middle = 0.5 * (rows.start + rows.end) as f32;
         for left in whole.clone().step_by(BLOCK) {
             let block = left..(left + BLOCK).min(whole.end);
-            let centre = Vec2::new(0.5 * (block.start + block.end) as f32, middle);
-            if self.depths.hide(&block, &rows, drawing.nearest)
-                || !drawing.surface.block_may_pass(drawing.edges.weights(centre))
-            {
-                continue;
-            }
-            let mut any = false;
-            for (y, span) in rows.clone().zip(&spans) {
-                any |= self.add_run(drawing, overlap(&block, span), y);
-            }
-            if any {
-                self.depths.note(&block, &rows);
-                drawing.any = true;
+            if !self.depths.hide(&block, &rows, drawing.nearest) {
+                self.add_block(drawing, &block, &rows, |y| overlap(&block, &spans[y - rows.start]));
             }
         }
     }
 
+    /// Draws the part of a triangle in a block of at most [`BLOCK`] × [`BLOCK`] samples, in these columns of each row.
+    fn add_block(
+        &mut self,
+        drawing: &mut Drawing<'a>,
+        block: &Range<usize>,
+        rows: &Range<usize>,
+        columns: impl Fn(usize) -> Range<usize>,
+    ) {
+        let centre = Vec2::new(0.5 * (block.start + block.end) as f32, 0.5 * (rows.start + rows.end) as f32);
+        if !drawing.surface.block_may_pass(drawing.flat.edges.weights(centre)) {
+            return;
+        }
+        let mut any = false;
+        for y in rows.clone() {
+            any |= self.add_run(drawing, columns(y), y);
+        }
+        if any {
+            self.depths.note(block, rows);
+            drawing.any = true;
+        }
+    }
+
+    /// Returns the depths of at most [`BLOCK`] samples of a row, and ∞ after them.
+    fn shown(&self, run: &Range<usize>, y: usize) -> [f32; BLOCK] {
+        self.depths.run(y * self.side + run.start, run.len())
+    }
+
     /// Draws the part of a triangle in at most [`BLOCK`] samples of a row. Returns whether any became visible.
     fn add_run(&mut self, drawing: &Drawing<'a>, run: Range<usize>, y: usize) -> bool {
-        let Drawing { index, surface, edges, threshold, .. } = drawing;
+        let Drawing { index, surface, flat, threshold, .. } = drawing;
+        let edges = &flat.edges;
         let middle = Vec2::new(0.5 * (run.start + run.end) as f32, y as f32 + 0.5);
         if run.is_empty() || !surface.run_may_pass(edges.weights(middle)) {
             return false;
         }
         let sample = y * self.side + run.start;
-        let (mut candidates, depths) = drawing.not_behind(run.start, y, self.depths.run(sample, run.len()));
+        let (mut candidates, depths) = flat.not_behind(run.start, y, self.shown(&run, y));
         let uv = surface.uv(edges.weights(Vec2::new(run.start as f32 + 0.5, y as f32 + 0.5)));
         let mut any = false;
         while candidates != 0 {
@@ -463,17 +480,23 @@ fn choose(pieces: &[PixelPiece], shade: impl Fn(&PixelPiece) -> Vec4, pixels: &m
 struct Drawing<'a> {
     index: u32,
     surface: Surface<'a>,
-    edges: Edges,
-    depths: Vec3,
+    flat: Flat,
     /// No point of it is nearer.
     nearest: f32,
-    reach: f32,
     threshold: Thresholds,
     /// Whether it became visible at any sample.
     any: bool,
 }
 
-impl Drawing<'_> {
+/// A triangle without its surface.
+struct Flat {
+    edges: Edges,
+    /// Depths of its corners.
+    depths: Vec3,
+    reach: f32,
+}
+
+impl Flat {
     /// Returns which of [`BLOCK`] samples from the column `x` on lie in the triangle, within its reach, and not behind the depths `shown`, as bits;
     /// and the depths of the triangle there.
     fn not_behind(&self, x: usize, y: usize, shown: [f32; BLOCK]) -> (u32, [f32; BLOCK]) {
@@ -481,10 +504,12 @@ impl Drawing<'_> {
         let first: [f32; BLOCK] = std::array::from_fn(|i| 1.0 - second[i] - third[i]);
         let Vec3 { x: a, y: b, z: c } = self.depths;
         let depths: [f32; BLOCK] = std::array::from_fn(|i| first[i] * a + second[i] * b + third[i] * c);
-        let found: [bool; BLOCK] = std::array::from_fn(|i| {
-            let inside = first[i].min(second[i]).min(third[i]) >= 0.0;
-            inside && depths[i] >= shown[i] && depths[i].abs() <= self.reach
+        // Without branches and calls, so that it becomes vector instructions.
+        let found: [u32; BLOCK] = std::array::from_fn(|i| {
+            let inside = u32::from(first[i] >= 0.0) & u32::from(second[i] >= 0.0) & u32::from(third[i] >= 0.0);
+            inside & u32::from(depths[i] >= shown[i]) & u32::from(depths[i].abs() <= self.reach)
         });
-        (found.iter().enumerate().fold(0, |bits, (i, &found)| bits | u32::from(found) << i), depths)
+        let bits: [u32; BLOCK] = std::array::from_fn(|i| found[i] << i);
+        (bits.iter().fold(0, |bits, bit| bits | bit), depths)
     }
 }

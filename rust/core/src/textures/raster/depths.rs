@@ -64,7 +64,14 @@ impl Depths {
         for y in cells(rows) {
             for x in cells(columns) {
                 let of_row = |row: usize| &self.samples[(y * BLOCK + row) * self.side + x * BLOCK..][..BLOCK];
-                let farthest = (0..BLOCK).flat_map(of_row).fold(f32::INFINITY, |farthest, &depth| farthest.min(depth));
+                let mut farthest = [f32::INFINITY; BLOCK];
+                for row in 0..BLOCK {
+                    for (farthest, &depth) in farthest.iter_mut().zip(of_row(row)) {
+                        // `min` takes three instructions for the sake of NaN, which no depth is.
+                        *farthest = if depth < *farthest { depth } else { *farthest };
+                    }
+                }
+                let farthest = farthest.into_iter().fold(f32::INFINITY, f32::min);
                 self.farthest[y * (self.side / BLOCK) + x] = farthest;
             }
         }

@@ -4,7 +4,7 @@
 
 use glam::Vec2;
 
-use super::tiles::{bounds, covered};
+use super::tiles::{bounds, middles};
 use super::{Samples, ScreenTriangle, TILE};
 use crate::foliage::{AlphaMode, Image, Surface};
 use crate::textures::samples::{Edges, Thresholds};
@@ -75,7 +75,7 @@ fn for_each_point(triangles: &[ScreenTriangle], side: usize, samples: usize, mut
         let thresholds = Thresholds::new(samples, index);
         let (low, high) = bounds(&triangle.corners);
         let [rows, columns] =
-            [(low.y, high.y), (low.x, high.x)].map(|(low, high)| covered(low * scale - 0.5, high * scale, 1.0, side));
+            [(low.y, high.y), (low.x, high.x)].map(|(low, high)| middles(low * scale, high * scale, side));
         for y in rows {
             for x in edges.span(y as f32 + 0.5, &columns) {
                 let weights = edges.weights(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));

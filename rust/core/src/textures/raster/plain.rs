@@ -41,7 +41,7 @@ fn picture<'a, T: Copy + Send + Sync>(
     read: impl Fn(&Tile<'a>) -> Vec<T> + Sync,
 ) -> Vec<T> {
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
-    let lists = tiles.lists(triangles);
+    let lists = tiles.lists(triangles, samples);
     let draw = |tile: &mut Tile<'a>, index: usize| {
         tile.clear();
         tile.add_all(triangles, &lists[index], tiles.origin(index));

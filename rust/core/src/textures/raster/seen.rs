@@ -38,8 +38,8 @@ pub fn seen_among<'a>(
     samples: Samples,
 ) -> Vec<SeenTriangles> {
     let tiles = Tiles { columns: width.div_ceil(TILE), rows: height.div_ceil(TILE) };
-    let common_lists = tiles.lists(common);
-    let lists: Vec<_> = others.iter().map(|other| tiles.lists(other)).collect();
+    let common_lists = tiles.lists(common, samples);
+    let lists: Vec<_> = others.iter().map(|other| tiles.lists(other, samples)).collect();
     let draw = |(behind, tile): &mut (Tile<'a>, Tile<'a>), index: usize| -> Vec<SeenTriangles> {
         let origin = tiles.origin(index);
         behind.clear();

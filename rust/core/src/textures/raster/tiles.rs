@@ -5,7 +5,7 @@ use std::ops::Range;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::{ScreenTriangle, TILE};
+use super::{Samples, ScreenTriangle, TILE};
 
 /// The grid of tiles.
 pub(super) struct Tiles {
@@ -18,11 +18,16 @@ impl Tiles {
         Vec2::new((tile % self.columns * TILE) as f32, (tile / self.columns * TILE) as f32)
     }
 
-    /// Returns, for each tile, the triangles with bounds that touch it, near ones first.
-    pub fn lists(&self, triangles: &[ScreenTriangle]) -> Vec<Vec<u32>> {
+    /// Returns, for each tile, the triangles with bounds that touch it, near ones first; without those that lie between the samples.
+    pub fn lists(&self, triangles: &[ScreenTriangle], samples: Samples) -> Vec<Vec<u32>> {
         let mut lists = vec![Vec::new(); self.columns * self.rows];
+        let scale = samples.side() as f32;
+        let is_between = |low: f32, high: f32| middles(low * scale, high * scale, usize::MAX).is_empty();
         for (index, triangle) in (0u32..).zip(triangles) {
             let (low, high) = bounds(&triangle.corners);
+            if is_between(low.x, high.x) || is_between(low.y, high.y) {
+                continue;
+            }
             let within = |cells: Range<usize>, pixels: &Range<usize>| {
                 overlap(&cells, &(pixels.start / TILE..pixels.end.div_ceil(TILE)))
             };
@@ -49,6 +54,15 @@ pub(super) fn bounds([a, b, c]: &[Vec3; 3]) -> (Vec2, Vec2) {
 pub(super) fn covered(low: f32, high: f32, size: f32, count: usize) -> Range<usize> {
     // Casts of negative numbers and NaN give 0.
     (low / size).floor() as usize..(((high / size).floor() + 1.0) as usize).min(count)
+}
+
+/// Error of a place on the canvas in samples, at most.
+const OFF: f32 = 1.0 / 16.0;
+
+/// Returns the samples, of `count` from 0 on, with middles in an interval.
+pub(super) fn middles(low: f32, high: f32, count: usize) -> Range<usize> {
+    // Casts of negative numbers and NaN give 0.
+    (low - (0.5 + OFF)).ceil() as usize..((high + (0.5 + OFF)).floor() as usize).min(count)
 }
 
 pub(super) fn overlap(a: &Range<usize>, b: &Range<usize>) -> Range<usize> {
