@@ -76,7 +76,7 @@ check_rust() {
             fail "Rust is missing (no working $tool on PATH): install the stable toolchain with rustup (rustup.rs)," \
                 "then run make again."
     done
-    # Rust links with cc; nv-flip, which compares images, is C++.
+    # Rust links with cc; the codecs of textures and meshes are C++.
     for tool in cc c++; do
         command -v "$tool" >/dev/null ||
             fail "A C++ compiler is missing (no $tool on PATH): install one, on Debian with \`sudo apt-get install g++\`."

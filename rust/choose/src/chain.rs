@@ -6,8 +6,6 @@
 //! 4. The yardstick tells the largest size at which each level passes, with the page that files hold ([`crate::settle`]).
 //! 5. Of these and of levels of fewer leaves ([`crate::fewer`]), the cheapest walk through the scene is drawn ([`crate::walk`]).
 //! 6. The octahedral impostor follows where it passes ([`crate::last`]).
-//!
-//! The choice depends on FLIP, whose last digits differ between machines. Figures are rounded where ε follows from them.
 
 use std::borrow::Cow;
 use std::cell::{OnceCell, RefCell};

@@ -1,7 +1,7 @@
 //! Figures of a level's picture against the leaves' picture: difference, contrast inside the crown, coverage and mean color.
 
 use leafcloud::Image;
-use leafcloud_flip::flip;
+use leafcloud_flip::Base;
 
 /// Color behind the tree for the texture of the crown: a sky, in [0, 1].
 const GROUND: [f32; 3] = [0.55, 0.66, 0.78];
@@ -37,27 +37,51 @@ pub struct Looks {
     pub color: f64,
 }
 
-impl Looks {
-    /// Compares `other` with `base`, of the same size. `None` if the base is empty.
+/// A picture of the leaves, with the figures of its own that those of all levels need.
+pub struct Leaves {
+    image: Image,
+    flip: Base,
+    covered: f64,
+    inside: Vec<bool>,
+    octaves: [f64; OCTAVES],
+    color: [f64; 3],
+}
+
+impl Leaves {
+    /// `None` if the picture is empty.
     #[must_use]
-    pub fn of(base: &Image, other: &Image) -> Option<Self> {
-        let covered = alpha(base).sum::<f64>();
-        if covered <= 0.0 {
-            return None;
-        }
-        let inside = inside(base);
-        let fine = |image: &Image| octaves(image, &inside);
-        let (own, others) = (fine(base), fine(other));
+    pub fn of(image: &Image) -> Option<Self> {
+        let covered = alpha(image).sum::<f64>();
+        (covered > 0.0).then(|| {
+            let inside = inside(image);
+            Self {
+                image: image.clone(),
+                flip: Base::of(image),
+                covered,
+                octaves: octaves(image, &inside),
+                inside,
+                color: mean_color(image),
+            }
+        })
+    }
+}
+
+impl Looks {
+    /// Compares a picture with one of the leaves, of the same size.
+    #[must_use]
+    pub fn of(leaves: &Leaves, other: &Image) -> Self {
+        let Leaves { image, flip, covered, inside, octaves: own, color } = leaves;
+        let others = octaves(other, inside);
         let counts = inside.iter().filter(|within| **within).count() >= LEAST_INSIDE;
         let ratio = |i: usize| if counts && own[i] > 1e-4 { others[i] / own[i] } else { 1.0 };
-        let (color, mean) = (mean_color(base), mean_color(other));
-        Some(Self {
-            flip: flip(base, other),
+        let mean = mean_color(other);
+        Self {
+            flip: flip.flip(other),
             contrast: std::array::from_fn(ratio),
             coverage: alpha(other).sum::<f64>() / covered,
-            cells: cells(base, other),
+            cells: cells(image, other),
             color: (0..3).map(|i| (color[i] - mean[i]).abs()).fold(0.0, f64::max),
-        })
+        }
     }
 
     /// Returns the mean of the figures of some views; `None` without any.
@@ -177,6 +201,10 @@ mod tests {
         Image::new(64, 64, (0..64 * 64).map(|i| pixel(i % 64, i / 64)).collect::<Vec<_>>()).unwrap()
     }
 
+    fn looks(leaves: &Image, other: &Image) -> Looks {
+        Looks::of(&Leaves::of(leaves).unwrap(), other)
+    }
+
     fn board(dark: u8, light: u8, side: usize) -> Image {
         picture(|x, y| {
             [0, 0, 0, 255]
@@ -187,15 +215,15 @@ mod tests {
     #[test]
     fn a_picture_looks_like_itself() {
         let board = board(20, 200, 2);
-        let found = Looks::of(&board, &board).unwrap();
+        let found = looks(&board, &board);
         let same = Looks { contrast: [1.0; 3], coverage: 1.0, ..Looks::default() };
         assert_eq!(found, same);
-        assert_eq!(Looks::of(&picture(|_, _| [9, 9, 9, 0]), &board), None);
+        assert!(Leaves::of(&picture(|_, _| [9, 9, 9, 0])).is_none());
     }
 
     #[test]
     fn half_of_the_contrast_is_half_in_every_octave() {
-        let found = Looks::of(&board(20, 220, 2), &board(70, 170, 2)).unwrap();
+        let found = looks(&board(20, 220, 2), &board(70, 170, 2));
         assert!(found.contrast.iter().all(|ratio| (ratio - 0.5).abs() < 1e-3), "{found:?}");
         assert!(found.color < 1e-9 && found.cells < 1e-12);
     }
@@ -208,14 +236,13 @@ mod tests {
             let pixels = pixels.map(|(i, pixel)| if within(i) { *pixel } else { [0; 4] });
             Image::new(64, 64, pixels.collect::<Vec<_>>()).unwrap()
         };
-        let contrast =
-            |side| Looks::of(&spot(side, &board(20, 220, 1)), &spot(side, &board(70, 170, 1))).unwrap().contrast[0];
+        let contrast = |side| looks(&spot(side, &board(20, 220, 1)), &spot(side, &board(70, 170, 1))).contrast[0];
         assert!(contrast(4) == 1.0 && contrast(40) < 0.6, "{} {}", contrast(4), contrast(40));
     }
 
     #[test]
     fn a_blur_lacks_the_finest_octave() {
-        let found = Looks::of(&board(20, 220, 1), &picture(|_, _| [120, 120, 120, 255])).unwrap();
+        let found = looks(&board(20, 220, 1), &picture(|_, _| [120, 120, 120, 255]));
         assert!(found.contrast[0] < 1e-3, "{found:?}");
     }
 
@@ -223,9 +250,9 @@ mod tests {
     fn cells_tell_where_leaves_are_missing_and_coverage_how_many() {
         let rows =
             |from: usize, to: usize| picture(move |_, y| if (from..to).contains(&y) { [9, 9, 9, 255] } else { [0; 4] });
-        let moved = Looks::of(&rows(0, 32), &rows(32, 64)).unwrap();
+        let moved = looks(&rows(0, 32), &rows(32, 64));
         assert_eq!((moved.coverage, moved.cells), (1.0, 2.0));
-        let half = Looks::of(&rows(0, 32), &rows(0, 16)).unwrap();
+        let half = looks(&rows(0, 32), &rows(0, 16));
         assert_eq!((half.coverage, half.cells), (0.5, 0.5));
     }
 

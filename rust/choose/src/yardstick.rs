@@ -20,7 +20,7 @@ use leafcloud::{Foliage, Image};
 use leafcloud_flip::crown_pixels;
 use rayon::prelude::*;
 
-use crate::looks::Looks;
+use crate::looks::{Leaves, Looks};
 use crate::sway::{motion, swayed};
 
 /// Side of the largest pictures in pixels, half of a usual screen's height, and of the smallest.
@@ -128,6 +128,8 @@ struct Rendered {
 /// Pictures of one size, as means of renderings.
 struct Size {
     side: usize,
+    /// The leaves, for each light and view, once they are needed.
+    leaves: OnceLock<Vec<Vec<Option<Leaves>>>>,
     /// The control, for each light.
     control: OnceLock<Vec<Looks>>,
 }
@@ -146,7 +148,7 @@ impl<'a> Yardstick<'a> {
         let sides = std::iter::successors(Some(largest), |side| Some(side / 2)).take_while(|side| *side >= SMALLEST);
         let sides: Vec<usize> = sides.collect();
         let groups = sides.chunk_by(|a, b| rendered_side(*a) == rendered_side(*b));
-        let size = |&side: &usize| Size { side, control: OnceLock::new() };
+        let size = |&side: &usize| Size { side, leaves: OnceLock::new(), control: OnceLock::new() };
         let pictures = groups.map(|sides| (sides.iter().map(size).collect(), OnceLock::new())).collect();
         Self { leaves, still, up, lit, pictures }
     }
@@ -188,8 +190,7 @@ impl<'a> Yardstick<'a> {
         let known = swaying().clone().filter(|(known, _)| *known == motion);
         let pictures = known.map_or_else(compared, |(_, pictures)| Ok(pictures))?;
         *swaying() = Some((motion, Arc::clone(&pictures)));
-        let looks = || lights(&pictures).filter_map(|pictures| mean(pictures, size.side)).collect();
-        Ok(size.control.get_or_init(looks))
+        Ok(size.control.get_or_init(|| size.looks(&pictures).into_iter().flatten().collect()))
     }
 
     /// Returns the sides of the pictures, from the largest.
@@ -275,15 +276,30 @@ fn rendered_side(side: usize) -> usize {
 }
 
 impl Size {
+    /// Returns the mean figures over all views, for each light. Those of the leaves are kept.
+    fn looks(&self, pictures: &Comparison) -> Vec<Option<Looks>> {
+        let halved = |image: &Image| mips::means(image).into_iter().find(|level| level.width() <= self.side);
+        let own = |pictures: &Pictures| pictures.base.par_iter().map(|base| Leaves::of(&halved(base)?)).collect();
+        // Not within the lock: threads that wait for it may be those that this needs.
+        let known = self.leaves.get().is_none().then(|| lights(pictures).map(own).collect());
+        let leaves = self.leaves.get_or_init(|| known.unwrap_or_default());
+        let mean = |(leaves, pictures): (&Vec<Option<Leaves>>, &Pictures)| {
+            let look = |(leaves, level): (&Option<Leaves>, &Image)| Some(Looks::of(leaves.as_ref()?, &halved(level)?));
+            let views: Vec<Looks> = leaves.par_iter().zip(pictures.level.par_iter()).filter_map(look).collect();
+            Looks::mean(&views)
+        };
+        leaves.iter().zip(lights(pictures)).map(mean).collect()
+    }
+
     /// Judges pictures of a level beside the leaves, by the figures of the control. `None` without leaves in them.
     fn judged(&self, pictures: &Comparison, control: &[Looks], q: f64) -> Option<Judgement> {
         let crown = crown_pixels(self.side as f64);
-        let of_light = |(pictures, control): (&Pictures, &Looks)| {
-            let looks = mean(pictures, self.side)?;
+        let of_light = |(looks, control): (Option<Looks>, &Looks)| {
+            let looks = looks?;
             let places = if self.side < CELLS_FROM { 0.0 } else { looks.cells / control.cells.max(1e-6) };
             Some(Judgement { crown, looks, difference: looks.flip / control.flip.max(1e-6), places })
         };
-        let judged = lights(pictures).zip(control).filter_map(of_light);
+        let judged = self.looks(pictures).into_iter().zip(control).filter_map(of_light);
         judged.max_by(|a, b| a.excess(q).0.total_cmp(&b.excess(q).0))
     }
 }
@@ -306,12 +322,4 @@ fn parts<'a>(leaves: &'a Foliage, still: Option<&'a Foliage>) -> Vec<&'a Foliage
 /// Returns the pictures without light, and under a sun if there are any.
 fn lights(pictures: &Comparison) -> impl Iterator<Item = &Pictures> {
     std::iter::once(&pictures.flat).chain(&pictures.lit)
-}
-
-/// Returns the mean figures over all views, in pictures halved to a side.
-fn mean(pictures: &Pictures, side: usize) -> Option<Looks> {
-    let halved = |image: &Image| mips::means(image).into_iter().find(|level| level.width() <= side);
-    let look = |(base, level): (&Image, &Image)| Looks::of(&halved(base)?, &halved(level)?);
-    let views: Vec<Looks> = pictures.base.par_iter().zip(pictures.level.par_iter()).filter_map(look).collect();
-    Looks::mean(&views)
 }

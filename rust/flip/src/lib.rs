@@ -1,11 +1,10 @@
-//! The image error of a level: FLIP (Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", 2020) of its pictures against
-//! those of the leaves, through the crate `nv-flip`, a wrapper of NVIDIA's C++ code.
+//! The image error of a level: FLIP of its pictures against those of the leaves (`map`).
 //!
-//! FLIP's code uses the platform's `pow`, so its last digits differ between machines. It is kept out of the crate `leafcloud`, where the
-//! same input, settings and seed give the same bytes on any machine: no chain of given settings depends on the image error. Three things do,
-//! by errors that are rounded to three digits. `report.json` states it. `leafcloud-curve` chooses settings by it, for a quality, or for a wish
-//! (`seconds`, `image_error` or a `preset`), which also depends on the clock. The add-on sets LOD distances by it.
+//! No chain of given settings depends on the image error. Three things do, by errors that are rounded to three digits. `report.json` states it.
+//! `leafcloud-curve` chooses settings by it, for a wish (`seconds`, `image_error` or a `preset`), which also depends on the clock. The add-on sets LOD
+//! distances by it.
 
+mod map;
 mod sizes;
 
 use leafcloud::Image;
@@ -13,6 +12,7 @@ use std::ops::Range;
 
 use leafcloud::metrics::Comparison;
 
+use map::Viewed;
 pub use sizes::{ImageErrors, REPORTED_SIZE, SMALLEST, crown_pixels};
 
 /// Returns the image error of a level against its base at [`REPORTED_SIZE`], in [0, 1]; see [`ImageErrors`].
@@ -27,25 +27,14 @@ const REACH: usize = 4;
 /// FLIP of a pixel depends on the pixels within this many rows and columns: its filters end at 10.
 const FILTERED: usize = 16;
 
-/// Composites a color code over mid-gray by its alpha.
-fn over_grey(code: u8, alpha: u8) -> u8 {
-    let (code, alpha) = (u32::from(code), u32::from(alpha));
-    ((code * alpha + 128 * (255 - alpha) + 127) / 255) as u8
-}
-
 /// Returns FLIP of each pixel of two images of the same size over mid-gray, row by row from the top; in [0, 1].
 ///
 /// # Panics
 /// If the sizes differ.
 #[must_use]
 pub fn flip_map(base: &Image, other: &Image) -> Vec<f32> {
-    assert_eq!((base.width(), base.height()), (other.width(), other.height()), "images of one size");
-    let (width, height) = (base.width() as u32, base.height() as u32);
-    let shown = |image: &Image| -> Vec<u8> {
-        image.pixels().iter().flat_map(|p| [0, 1, 2].map(|i| over_grey(p[i], p[3]))).collect()
-    };
-    let picture = |image| nv_flip::FlipImageRgb8::with_data(width, height, &shown(image));
-    nv_flip::flip(picture(base), picture(other), nv_flip::DEFAULT_PIXELS_PER_DEGREE).to_vec()
+    let viewed = check_sizes(base, other).map(Viewed::of);
+    (0..base.pixels().len()).map(|pixel| viewed[0].difference(&viewed[1], pixel)).collect()
 }
 
 /// Returns the mean FLIP of two images of the same size over mid-gray, within 4 pixels of either silhouette; in [0, 1]. 0 if both are
@@ -55,21 +44,47 @@ pub fn flip_map(base: &Image, other: &Image) -> Vec<f32> {
 /// If the sizes differ.
 #[must_use]
 pub fn flip(base: &Image, other: &Image) -> f64 {
-    assert_eq!((base.width(), base.height()), (other.width(), other.height()), "images of one size");
     let Some(seen) = seen(base, other) else { return 0.0 };
-    let [base, other] = &[base, other].map(|image| cropped(image, &seen));
-    let errors = flip_map(base, other);
-    let pixels = base.pixels().iter().zip(other.pixels());
-    let either: Vec<u8> = pixels.map(|(a, b)| a[3].max(b[3])).collect();
-    let least = either.iter().max().map_or(127, |most| 127.min(most / 2));
-    let either: Vec<bool> = either.into_iter().map(|alpha| alpha > least).collect();
-    let near = grown(&either, base.width(), base.height());
-    let (sum, count) = errors
-        .iter()
-        .zip(&near)
-        .filter(|(_, near)| **near)
-        .fold((0.0, 0usize), |(sum, count), (error, _)| (sum + f64::from(*error), count + 1));
-    if count == 0 { 0.0 } else { sum / count as f64 }
+    let [base, other] = check_sizes(base, other).map(|image| cropped(image, &seen));
+    Base::of(&base).flip(&other)
+}
+
+/// An image that others are compared with.
+pub struct Base {
+    image: Image,
+    viewed: Viewed,
+}
+
+impl Base {
+    /// Prepares an image.
+    #[must_use]
+    pub fn of(image: &Image) -> Self {
+        Self { image: image.clone(), viewed: Viewed::of(image) }
+    }
+
+    /// Returns the mean FLIP of another image, as [`flip`] does.
+    ///
+    /// # Panics
+    /// If the sizes differ.
+    #[must_use]
+    pub fn flip(&self, other: &Image) -> f64 {
+        let [base, other] = check_sizes(&self.image, other);
+        let pixels = base.pixels().iter().zip(other.pixels());
+        let either: Vec<u8> = pixels.map(|(a, b)| a[3].max(b[3])).collect();
+        let least = either.iter().max().map_or(127, |most| 127.min(most / 2));
+        let either: Vec<bool> = either.into_iter().map(|alpha| alpha > least).collect();
+        let near = grown(&either, base.width(), base.height()).into_iter().enumerate().filter(|(_, near)| *near);
+        let other = Viewed::of(other);
+        let (sum, count) = near.fold((0.0, 0usize), |(sum, count), (pixel, _)| {
+            (sum + f64::from(self.viewed.difference(&other, pixel)), count + 1)
+        });
+        if count == 0 { 0.0 } else { sum / count as f64 }
+    }
+}
+
+fn check_sizes<'a>(base: &'a Image, other: &'a Image) -> [&'a Image; 2] {
+    assert_eq!((base.width(), base.height()), (other.width(), other.height()), "images of one size");
+    [base, other]
 }
 
 /// Returns the columns and rows that can count: those of the plant in either image, with a margin. `None` if both are empty.

@@ -25,8 +25,8 @@ pub fn crown_pixels(side: f64) -> f64 {
     side / PICTURE_RADIUS
 }
 
-/// Image errors by size: the side of the pictures in pixels, ascending, and the mean of [`flip`] over all views, rounded to three digits,
-/// because further digits would differ between machines.
+/// Image errors by size: the side of the pictures in pixels, ascending, and the mean of [`flip`] over all views, rounded to three digits:
+/// further ones say nothing about what a viewer sees.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageErrors(pub Vec<(usize, f64)>);
 

@@ -1216,9 +1216,7 @@ def drawing_cost(parts: Sequence[Foliage], scale: float, *, up: Sequence[float] 
     Backs of single-sided triangles are culled. Ctrl-C interrupts the call."""
 
 def flip_map(base: NDArray[np.uint8], other: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return (h, w) FLIP, in [0, 1], of each pixel of two images (h, w, 4) over mid-gray.
-
-    Its last digits differ between machines, because FLIP's code uses the platform's power function."""
+    """Return (h, w) FLIP, in [0, 1], of each pixel of two images (h, w, 4) over mid-gray."""
 
 def draw_text(text: str, size: float) -> NDArray[np.uint8]:
     """Draw a line of text in DejaVu Sans: (h, w) ink of each pixel, 255 for all.

@@ -1,7 +1,7 @@
 //! Pictures of the leaves in some views, and the errors of a level in them.
 //!
 //! The error of a picture is the sum of absolute differences of codes over gray, for each pixel of the leaves: sums in a fixed order, so it is the
-//! same on any machine, which FLIP is not.
+//! same on any machine.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
