@@ -31,8 +31,8 @@ TITLE, NAME, FIGURES, LABEL = 26, 20, 14, 12
 """Sizes of text in pixels."""
 NARROWEST = 560
 """Minimum width of a line of figures."""
-VIEW_SAMPLES = 2
-"""Samples along each side of a pixel of the views, and of pictures at twice the size."""
+SMALL = 128
+"""Side in pixels of pictures up to which a pixel gets 4 × 4 samples; larger ones and the views get 2 × 2."""
 FRAMES_LEFT = 0.96
 """Fraction of the views' width for the leaves; levels are a little wider."""
 TALLEST_VIEW = 300
@@ -73,15 +73,11 @@ class Sphere:
     centre: tuple[float, float, float]
     radius: float
 
-    def picture(
-        self, subject: Subject, size: float, direction: Sequence[float] = DIRECTION, samples: int = 4, times: int = 1
-    ) -> Picture:
-        """Return a picture in which the sphere's diameter covers `times` · `size` pixels; `size` need not be whole.
-
-        samples: along each side of a pixel.
-        """
+    def picture(self, subject: Subject, size: float, direction: Sequence[float] = DIRECTION, times: int = 1) -> Picture:
+        """Return a picture in which the sphere's diameter covers `times` · `size` pixels; `size` need not be whole."""
         side = max(int(np.ceil(size)), 1)
         radius = self.radius * side / size
+        samples = 4 if times * side <= SMALL else 2
         return subject.render(direction, times * side, centre=self.centre, radius=radius, samples=samples)
 
 
@@ -202,8 +198,7 @@ def level_panel(leaves: Subject, level: Subject, sphere: Sphere, pixels: float) 
     sphere.
     """
     size = float(np.clip(pixels, SMALLEST, LARGEST))
-    pair = [sphere.picture(subject, size) for subject in (leaves, level)]
-    twice = [sphere.picture(subject, size, samples=VIEW_SAMPLES, times=2) for subject in (leaves, level)]
+    pair, twice = ([sphere.picture(subject, size, times=times) for subject in (leaves, level)] for times in (1, 2))
     box = canvas.silhouette(pair)
     errors = canvas.cropped(leafcloud.flip_map(*pair), box)
     colors = [canvas.over(canvas.cropped(picture, box)) for picture in pair]
@@ -266,9 +261,7 @@ def views(subjects: Sequence[Subject], sphere: Sphere, width: int) -> Block:
     height = (width - (len(VIEWS) - 1) * GAP) / sum(across / up for up, across in shapes) * FRAMES_LEFT
     sizes = [min(height, TALLEST_VIEW) / up for up, _ in shapes]
     pictured = list(zip(VIEWS.values(), sizes, strict=True))
-    columns = [
-        [sphere.picture(subject, size, direction, VIEW_SAMPLES) for subject in subjects] for direction, size in pictured
-    ]
+    columns = [[sphere.picture(subject, size, direction) for subject in subjects] for direction, size in pictured]
     boxes = [canvas.silhouette(column) for column in columns]
     rows = []
     for number, subject in enumerate(subjects):

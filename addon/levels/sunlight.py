@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import bpy
 import numpy as np
@@ -21,8 +22,8 @@ from .building import Build
 from .fading import output_for
 from .material import BACK_NODE, CUTOFF_NODE
 
-_SUNS, _SIDE = 24, 64
-"""Suns, each with a view of its own, and the side of the pictures in pixels."""
+_SUNS, _SIDE, _SAMPLES = 24, 64, 2
+"""Suns, each with a view of its own, the side of the pictures in pixels, and samples along each side of a pixel."""
 _DARKEST = 0.5
 
 SHADE_NODE = "Leafcloud Shade"
@@ -58,8 +59,8 @@ def _lit(foliage: leafcloud.Foliage, build: Build) -> Iterator[float]:
     for number, sun in enumerate(_directions(-1.0)):
         view = list(_directions(-0.2))[5 * number % _SUNS]
         centre, radius = build.foliage.world_centre.tolist(), build.foliage.radius
-        flat = _light(leafcloud.render([foliage], view, _SIDE, centre=centre, radius=radius))
-        lit = _light(leafcloud.render([foliage], view, _SIDE, centre=centre, radius=radius, sun=sun))
+        drawn = partial(leafcloud.render, [foliage], view, _SIDE, centre=centre, radius=radius, samples=_SAMPLES)
+        flat, lit = _light(drawn()), _light(drawn(sun=sun))
         yield lit / flat - leafcloud.SKY if flat > 0.0 else 0.0
 
 

@@ -4,6 +4,7 @@ use glam::DVec3;
 use leafcloud::metrics::{View, Views, seen_behind};
 use leafcloud::textures::{Samples, SeenInPixel, SeenTriangles};
 use leafcloud::{Attributes, Foliage, Material, Progress, Result};
+use rayon::prelude::*;
 
 use crate::Sight;
 
@@ -44,20 +45,32 @@ pub fn changes(trunk: &Foliage, trunks: &[Vec<&[[u32; 3]]>], sight: Sight, progr
     let parts = trunk.leaf_count();
     let others = trunks.iter().map(|parts| owned(trunk, parts)).collect::<Result<Vec<Owned>>>()?;
     let drawn: Vec<&Foliage> = [trunk].into_iter().chain(others.iter().map(|other| &other.foliage)).collect();
-    let mut changes = Changes { area: 0, seen: vec![0; parts], of_parts: vec![vec![0; parts]; others.len()] };
-    for view in views(trunk, sight) {
+    let none = || Changes { area: 0, seen: vec![0; parts], of_parts: vec![vec![0; parts]; others.len()] };
+    let of_view = |view: View| {
         progress.tell("simplify", 0.0)?;
         let pictures = seen_behind(sight.leaves, &drawn, &view)?;
         let before = shown(&pictures[0], trunk.leaf_ids());
-        changes.area += pictures[0].covered;
+        let mut changes = Changes { area: pictures[0].covered, ..none() };
         for each in &before {
             changes.seen[each.part as usize] += u64::from(each.count);
         }
         for ((picture, other), changes) in pictures[1..].iter().zip(&others).zip(&mut changes.of_parts) {
             add_differences(&before, &shown(picture, &other.owners), changes);
         }
+        Ok(changes)
+    };
+    let views: Vec<View> = views(trunk, sight).collect();
+    views.into_par_iter().map(of_view).try_reduce(none, |a, b| Ok(a.plus(&b)))
+}
+
+impl Changes {
+    fn plus(mut self, other: &Self) -> Self {
+        let add = |to: &mut Vec<u64>, from: &Vec<u64>| to.iter_mut().zip(from).for_each(|(to, from)| *to += from);
+        self.area += other.area;
+        add(&mut self.seen, &other.seen);
+        self.of_parts.iter_mut().zip(&other.of_parts).for_each(|(to, from)| add(to, from));
+        self
     }
-    Ok(changes)
 }
 
 fn views(trunk: &Foliage, sight: Sight) -> impl Iterator<Item = View> {

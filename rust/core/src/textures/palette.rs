@@ -32,21 +32,19 @@ impl Palette {
         if !(2..=256).contains(&most) {
             return Err(Error::invalid(format!("a palette of {most} colors; it must have 2 to 256")));
         }
-        let mut boxes = vec![bins(frames)];
+        let with_spread = |colors: Vec<Bin>| (spread(&colors), colors);
+        let mut boxes = vec![with_spread(bins(frames))];
         while boxes.len() < most {
-            let spreads = boxes.iter().enumerate().map(|(i, colors)| (spread(colors), i));
-            let Some(((variance, channel), widest)) =
-                spreads.max_by_key(|((variance, _), i)| (*variance, usize::MAX - i))
-            else {
-                break;
-            };
-            if variance == 0 {
+            let widest = (0..boxes.len()).max_by_key(|&i| (boxes[i].0.0, usize::MAX - i)).unwrap_or(0);
+            let ((variance, channel), colors) = &boxes[widest];
+            if *variance == 0 {
                 break;
             }
-            let (low, high) = cut(&boxes[widest], channel);
-            boxes[widest] = low;
-            boxes.push(high);
+            let (low, high) = cut(colors, *channel);
+            boxes[widest] = with_spread(low);
+            boxes.push(with_spread(high));
         }
+        let boxes: Vec<Vec<Bin>> = boxes.into_iter().map(|(_, colors)| colors).collect();
         let mut index = vec![0; BINS];
         for (i, colors) in boxes.iter().enumerate() {
             for bin in colors {
