@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from addon.plan.effects import CameraNote
     from addon.settings.bake import BakeSettings
 
+STARTED = time.monotonic()
 ROOT = Path(__file__).resolve().parent
 PROGRAM = "bake.py"
 SLOW_SECONDS = 1.0
@@ -236,6 +237,7 @@ def plan_table(effects: Sequence[Decision]) -> str:
 def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:
     import bpy
 
+    from addon.bake.job import StageClock
     from addon.bake.pipeline import layer_of
     from addon.bake.tree_set import bake_tree_set, camera_notes, prepare_tree_set
     from addon.export.blend import clear_scene, make_self_contained
@@ -244,7 +246,7 @@ def _bake(options: argparse.Namespace, settings: BakeSettings, console: _Console
     from addon.scene.rendering import allow_bounces
     from addon.settings.flags import with_flags
 
-    stages = _Stages(console)
+    stages = StageClock(_Stages(console), STARTED)
     with _refusing(options.out), Staging(options.out):
         pass  # Report a folder that is not writable before the work, not after it.
     stages("read", 0.0)

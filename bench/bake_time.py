@@ -11,6 +11,7 @@ Markdown; for the measured trees it also writes docs/bench/bake_time.md.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import statistics
 import subprocess
@@ -46,7 +47,8 @@ Made by `make bench-bake-time` at {commit} on {cores} cores.
 
 ## The command line
 
-Seconds of a whole process of `bake.py`, and its greatest memory in MB: medians of {repeats}. *Clock*: seconds of
+Seconds of a whole process of `bake.py`, and its greatest memory in MB: medians of {repeats}. *Told*: the least share of
+them that the stages in the report add up to. *Clock*: seconds of
 [Algorithm 1](../accuracy.md#the-papers-points), done literally on one thread for the leaves of an ash, beside each
 tree: machines differ, and so do their hours.
 
@@ -110,8 +112,8 @@ def main() -> None:
 
 
 def process_table(trees: Iterable[Path], repeats: int) -> str:
-    """Return a table of the processes' seconds and memory."""
-    rows: list[tuple[str, ...]] = [("tree", "clock", *WAYS, "MB"), ("---",) * (len(WAYS) + 3)]
+    """Return a table of the processes' seconds, of their share that the report tells, and of their memory."""
+    rows: list[tuple[str, ...]] = [("tree", "clock", *WAYS, "told", "MB"), ("---",) * (len(WAYS) + 4)]
     with tempfile.TemporaryDirectory() as folder:
         clock = Clock(Path(folder))
         for tree in trees:
@@ -119,15 +121,16 @@ def process_table(trees: Iterable[Path], repeats: int) -> str:
             for _ in range(repeats):
                 ticks.append(clock.tick())
                 found.append([process(tree, Path(folder) / "out", flags) for flags in WAYS.values()])
-            seconds = np.median([[second for second, _ in each] for each in found], axis=0)
-            memory = max(peak for each in found for _, peak in each)
+            seconds = np.median([[second for second, *_ in each] for each in found], axis=0)
+            told = min(of_stages / second for each in found for second, of_stages, _ in each)
+            memory = max(peak for each in found for *_, peak in each)
             cells = (statistics.median(ticks), *seconds.tolist())
-            rows.append((tree.stem, *(f"{cell:.1f}" for cell in cells), f"{memory:.0f}"))
+            rows.append((tree.stem, *(f"{cell:.1f}" for cell in cells), f"{told:.1%}", f"{memory:.0f}"))
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
-def process(tree: Path, out: Path, flags: Iterable[str]) -> tuple[float, float]:
-    """Bake a tree by the command line. Return the seconds, and the greatest memory in MB."""
+def process(tree: Path, out: Path, flags: Iterable[str]) -> tuple[float, float, float]:
+    """Bake a tree by the command line. Return its seconds, those in its report, and the greatest memory in MB."""
     command = [sys.executable, str(ROOT / "bake.py"), "--input", str(tree), "--out", str(out), *flags]
     begin = time.perf_counter()
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as bake:
@@ -135,8 +138,10 @@ def process(tree: Path, out: Path, flags: Iterable[str]) -> tuple[float, float]:
         while bake.poll() is None:
             time.sleep(0.02)
             peak = max(peak, _resident(bake.pid))
+    seconds = time.perf_counter() - begin
     assert bake.returncode == 0, f"a bake of {tree.name} failed"
-    return time.perf_counter() - begin, peak
+    told = json.loads((out / "report.json").read_text(encoding="utf-8"))["seconds"]
+    return seconds, sum(told.values()), peak
 
 
 def _resident(process: int) -> float:

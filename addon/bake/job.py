@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
@@ -9,6 +10,34 @@ Progress = Callable[[str, float], None]
 """Function called with the name of the stage and the fraction done, in [0, 1]."""
 
 POLL_SECONDS = 0.1
+
+
+class StageClock:
+    """Progress that is passed on, with the seconds of each stage. They add up to the time since `started`."""
+
+    def __init__(self, progress: Progress, started: float | None = None) -> None:
+        """`started`: a value of `time.monotonic()`. Until the first stage the time counts as "start"."""
+        self._progress = progress
+        self._seconds: dict[str, float] = {}
+        self._stage, self._begin = "start", time.monotonic() if started is None else started
+
+    def __call__(self, stage: str, fraction: float) -> None:
+        kind = stage.partition(" ")[0]  # Of "write NAME.glb" the first word.
+        if kind != self._stage:
+            self._close()
+            self._stage = kind
+        self._progress(stage, fraction)
+
+    def seconds(self) -> dict[str, float]:
+        """Return the seconds of each stage so far, in the order of their first beginnings."""
+        self._close()
+        return dict(self._seconds)
+
+    def _close(self) -> None:
+        now = time.monotonic()
+        self._seconds[self._stage] = self._seconds.get(self._stage, 0.0) + now - self._begin
+        self._begin = now
+
 
 _T_co = TypeVar("_T_co", covariant=True)
 

@@ -15,7 +15,7 @@ import bpy
 
 import leafcloud
 
-from ..bake.job import Progress
+from ..bake.job import Progress, StageClock
 from ..bake.values import Baked, TreeSet
 from ..effects.blend_order import blended_leaves
 from ..levels.octahedral import plain_files
@@ -27,7 +27,7 @@ from ..mesh.baked_levels import plain_mesh
 from ..plan.decision import is_on
 from ..plan.effects import on_effects
 from ..plan.pages import KTX2_ENGINES
-from . import gltf, ktx2
+from . import gltf, ktx2, report_page
 from .blend import save_blend
 from .blend_order import BlendOrders
 from .compression import compress
@@ -46,12 +46,15 @@ from .vertex_data import VertexData, engine_attributes
 def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool) -> dict[str, Any]:
     """Write all files of the bake into `directory`, all or none, and return the report.
 
+    The report has the seconds of `progress` if that is the clock of the whole bake, else those of writing.
+
     Each file holds all trees: NAME.glb shows level 0 of each tree and references the other levels (`lod_extension`).
     If the settings ask for them, NAME_LOD1.glb has the first cloud of each tree, and shared atlas pages once, and a
     film shows each hand-over. `blend` also saves a copy of the open file as NAME.blend. The levels must be in a scene.
 
     Raises `OSError` for a folder that is not writable, `ExportError` if Blender cannot write a file.
     """
+    clock = progress if isinstance(progress, StageClock) else StageClock(progress)
     name, trees = tree_set.name, tree_set.trees
     settings, count = trees[0].prepared.settings, max(len(tree.levels) for tree in trees)
     # The core draws pictures while Blender writes the files.
@@ -68,7 +71,7 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
                 changes.enter_context(_as_in_files(tree))
             for number in range(count) if settings.level_files else ():
                 stem = f"{name}_LOD{number}"
-                progress(f"write {stem}.glb", 0.0)
+                clock(f"write {stem}.glb", 0.0)
                 begin = time.perf_counter()
                 file = staging.path(f"{stem}.glb")
                 gltf.export_objects(_objects(trees, number), file, stem, edits)
@@ -79,23 +82,26 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
             if shadows:
                 stem = f"{name}_shadow"
                 gltf.export_objects([shadow for _, shadow in shadows], staging.path(f"{stem}.glb"), stem, last)
-            progress(f"write {name}.glb", 0.0)
+            clock(f"write {name}.glb", 0.0)
             file = staging.path(f"{name}.glb")
             chains = [_lod_chain(tree) for tree in trees]
             gltf.export_collection(tree_set.collection, file, [*edits, lambda glb: add_lods(glb, chains)])
         if blend:
-            progress(f"write {name}.blend", 0.0)
+            clock(f"write {name}.blend", 0.0)
             save_blend(staging.path(f"{name}.blend"))
         films = film_names(trees) if settings.files == "all" else []
         files = sorted([*staging.files, *films, "preview.png", "report.html", "report.json"])
         reports = {each.collection.name: report(each, seconds[: len(each.levels)], files, load) for each in trees}
         content = joint_report(reports, settings.engine) if len(trees) > 1 else reports[name]
-        progress("write preview.png", 0.0)
+        clock("write preview.png", 0.0)
         shown = [
             (tree, reports[tree.collection.name], pictures.result())
             for tree, pictures in zip(trees, drawn, strict=True)
         ]
-        write_pictures(staging, name, content, shown, films=bool(films))
+        sections = write_pictures(staging, shown, films=bool(films))
+        content["seconds"] = clock.seconds()
+        page = report_page.page(name, content, sections)
+        staging.path("report.html").write_text(page, encoding="utf-8", newline="\n")
         staging.write_json("report.json", content)
         staging.commit(_levels_in(directory, [name, *(tree.collection.name for tree in trees)]))
     return content

@@ -1,4 +1,4 @@
-"""Writer of the files for people: preview.png, report.html and the flights."""
+"""Writer of the pictures for people: preview.png, those of report.html, and the flights."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..bake.values import Baked
 from . import canvas
 from .flight import flights
 from .preview import Pictures, preview_image, tree_figures
-from .report_page import TreePage, page
+from .report_page import TreePage, section
 from .staging import Staging
 
 
@@ -24,16 +24,11 @@ def _film_name(tree: Baked, number: int) -> str:
 
 
 def write_pictures(
-    staging: Staging,
-    name: str,
-    content: Mapping[str, Any],
-    trees: Sequence[tuple[Baked, Mapping[str, Any], Pictures]],
-    *,
-    films: bool,
-) -> None:
-    """Write preview.png, report.html and, with `films`, one film for each level after LOD 0.
+    staging: Staging, trees: Sequence[tuple[Baked, Mapping[str, Any], Pictures]], *, films: bool
+) -> list[str]:
+    """Write preview.png and, with `films`, one film for each level after LOD 0. Return the sections of report.html.
 
-    name: base name of the files. content: that of report.json. trees: each tree with its own report and pictures.
+    trees: each tree with its own report and pictures.
     """
     pages = [
         TreePage(report, tree_figures(tree, report["levels"], pictures), flights(tree) if films else [])
@@ -43,4 +38,4 @@ def write_pictures(
     for (tree, _, _), each in zip(trees, pages, strict=True):
         for number, film in enumerate(each.films, 1):
             staging.path(_film_name(tree, number)).write_bytes(film)
-    staging.path("report.html").write_text(page(name, content, pages), encoding="utf-8", newline="\n")
+    return [section(each, heading=len(pages) > 1) for each in pages]

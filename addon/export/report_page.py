@@ -49,16 +49,16 @@ class TreePage:
     films: Sequence[bytes]
 
 
-def page(name: str, content: Row, trees: Sequence[TreePage]) -> str:
-    """Return the HTML text. `name`: base name of the files. `content`: that of report.json."""
+def page(name: str, content: Row, sections: Sequence[str]) -> str:
+    """Return the HTML text. `name`: base name of the files. `content`: that of report.json. `sections`: one a tree."""
     title = _escaped(name)
     parts = [
         f"<h1>{title}</h1>",
         f'<p class="soft">Levels of detail, made by Leafcloud {_escaped(content["leafcloud"])} in Blender '
         f"{_escaped(content['blender'])}</p>",
     ]
-    for tree in trees:
-        parts += _tree(tree, heading=len(trees) > 1)
+    parts += sections
+    parts.append(_details("Seconds of the bake", stages_table(content["seconds"])))
     parts.append(_details("Files", _list(content["files"])))
     text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
     parts.append(_details("All values, as in report.json", f"<pre>{_escaped(text)}</pre>"))
@@ -70,7 +70,8 @@ def page(name: str, content: Row, trees: Sequence[TreePage]) -> str:
     )
 
 
-def _tree(tree: TreePage, *, heading: bool) -> list[str]:
+def section(tree: TreePage, *, heading: bool) -> str:
+    """Return a tree's part of the page. `heading`: whether its name is above it."""
     content, figures = tree.content, tree.figures
     parts = [f"<h2>{_escaped(figures.name)}</h2>"] if heading else []
     parts += [f'<p class="warning">{_escaped(warning)}</p>' for warning in content["warnings"]]
@@ -90,8 +91,8 @@ def _tree(tree: TreePage, *, heading: bool) -> list[str]:
     parts.append(_details("Cost of drawing where each level takes over", drawing_table(names, content["levels"])))
     parts.append(_details("Effects", effects_table(content["effects"])))
     parts.append(_details("Input", _input(content)))
-    parts.append(_details("Seconds", seconds_table(names, content["levels"])))
-    return parts
+    parts.append(_details("Seconds of the levels", seconds_table(names, content["levels"])))
+    return "\n".join(parts)
 
 
 def _films(levels: Sequence[LevelFigure], films: Sequence[bytes]) -> str:
@@ -194,6 +195,12 @@ def effects_table(effects: Sequence[Row]) -> str:
         for each in effects
     ]
     return _table(["Effect", "State", "Seconds", "MB", "Reason"], rows, {0, 1, 4})
+
+
+def stages_table(seconds: Mapping[str, float]) -> str:
+    """Return the table of the seconds of all stages, and their sum."""
+    rows = [[stage, f"{value:.2f}"] for stage, value in (*seconds.items(), ("all", sum(seconds.values())))]
+    return _table(["Stage", "Seconds"], rows)
 
 
 def seconds_table(names: Sequence[str], levels: Sequence[Row]) -> str:

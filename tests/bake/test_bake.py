@@ -47,7 +47,7 @@ def baked() -> tuple[Path, dict[str, Any]]:
 @pytest.mark.version
 def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[str, Any]]) -> None:
     _, report = baked
-    facts = {"leafcloud", "blender", "input", "predicted", "effects", "files", "warnings"}
+    facts = {"leafcloud", "blender", "input", "predicted", "effects", "files", "warnings", "seconds"}
     assert set(report) == {*facts, "quality", "levels", "hidden_triangles", "left_out", "needs_no_levels"}
     assert (report["left_out"], report["needs_no_levels"]) == ([], None)
     assert report["hidden_triangles"] == 0, "pruning keeps the visible leaves"
@@ -61,6 +61,7 @@ def test_the_report_has_the_documented_keys_and_values(baked: tuple[Path, dict[s
         assert set(level) == {*LEVEL_KEYS, "trunk"}
     assert set(last) == {*LEVEL_KEYS, "trunk", "plain"}
     assert last["plain"]["method"] == "cross"
+    assert {"start", "read", "prepare", "fit", "build", "write"} <= set(report["seconds"])
     for level in report["levels"]:
         assert set(level["seconds"]) == {"fit", "pack", "bake", "look", "refine", "write"}
     assert report["levels"][0]["triangles"] == report["input"]["triangles"]

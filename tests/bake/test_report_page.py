@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from addon.export import canvas, flight
 from addon.export.preview import MARGIN, LevelFigure, TreeFigures
-from addon.export.report_page import TreePage, page
+from addon.export.report_page import TreePage, page, section
 
 HOSTILE = "<script>alert('&\"')</script>"
 VOID = {"meta", "img"}
@@ -119,12 +119,13 @@ def test_hostile_names_stay_text(baked: tuple[Path, dict[str, Any]]) -> None:
     levels = tuple(LevelFigure(HOSTILE, (HOSTILE,), block) for _ in report["levels"])
     film = canvas.png(block)
     tree = TreePage(content, TreeFigures(HOSTILE, levels, block), [film] * (len(levels) - 1))
-    text = page(HOSTILE, content, [tree, tree])
+    sections = [section(tree, heading=True)] * 2
+    text = page(HOSTILE, content, sections)
     read = Page(text)
     assert not {"script", "iframe"} & set(read.tags)
     assert "<script" not in text
     assert HOSTILE in read.texts
-    assert page(HOSTILE, content, [tree, tree]) == text
+    assert page(HOSTILE, content, sections) == text
 
 
 # Flights
