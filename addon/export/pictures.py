@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from ..bake.values import Baked
@@ -34,8 +35,11 @@ def write_pictures(
         TreePage(report, tree_figures(tree, report["levels"], pictures), flights(tree) if films else [])
         for tree, report, pictures in trees
     ]
-    staging.path("preview.png").write_bytes(canvas.png(preview_image([each.figures for each in pages])))
+    with ThreadPoolExecutor(max_workers=1) as beside:
+        preview = beside.submit(lambda: canvas.png(preview_image([each.figures for each in pages])))
+        sections = [section(each, heading=len(pages) > 1) for each in pages]
+        staging.path("preview.png").write_bytes(preview.result())
     for (tree, _, _), each in zip(trees, pages, strict=True):
         for number, film in enumerate(each.films, 1):
             staging.path(_film_name(tree, number)).write_bytes(film)
-    return [section(each, heading=len(pages) > 1) for each in pages]
+    return sections

@@ -59,10 +59,11 @@ impl<'a> Drafts<'a> {
         let (max_size, cloud) = cloud(settings, foliage, trunk, progress)?;
         let views = tune::views_of_amounts(VIEWS, settings.up)?;
         let leaves = Reference::new(&[foliage], foliage.frame(), views)?;
-        let (stretch, projection) = tune::projection(foliage, &cloud, &leaves)?;
+        let laid = tune::projection(foliage, &cloud, &leaves)?;
+        let stretch = laid.stretch();
         let copies = copies(settings, foliage);
         let fit = FitSettings { max_size, ..settings.fit.clone() };
-        let first = Draft::new(foliage, &cloud, &projection, copies, &fit)?;
+        let first = Draft::new(foliage, &cloud, &laid.projection, copies, &fit)?;
         let most = budget::of(settings, None, foliage, trunk)[0] / (2 * copies);
         Ok(Self { foliage, fit, stretch, copies, most, first })
     }

@@ -5,12 +5,13 @@ use std::time::{Duration, Instant};
 
 use super::billboards::{billboard_ranks, billboards};
 use super::cut::{CutOut, mip_of};
+use super::drawn;
 use super::references::References;
 use super::refine::{Arrangement, Refined};
 use super::settings::ChainSettings;
 use super::size::{self, Fitted, is_published};
 use super::tight::{Shown, with_polygons};
-use super::{drawn, tune};
+use super::tune::{self, Laid};
 use glam::DVec3;
 
 use crate::atlas::{Atlas, AtlasSettings, PageChoice, PageSize};
@@ -137,7 +138,7 @@ const SOURCE_SHARE: f64 = 0.5;
 /// Planes with the places of the leaves on them.
 struct Layout {
     cloud: Cloud,
-    projection: Projection,
+    laid: Laid,
     two_sided: bool,
     refined: Option<Refined>,
     /// Measured seconds: for fitting the planes, for refining them, and for choosing the stretch limit.
@@ -152,11 +153,11 @@ fn layout(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<L
     let (cloud, refined) = arranged(step, settings, cloud, progress.part(0.6, 0.9))?;
     let arranged = Instant::now();
     progress.tell("pack", 0.9)?;
-    let (_, projection) = tune::projection(finer, &cloud, &step.references.tuning)?;
+    let laid = tune::projection(finer, &cloud, &step.references.tuning)?;
     let projected = Instant::now();
     let arranging = if refined.is_some() { arranged - fitted } else { Duration::ZERO };
     let seconds = [fitted - started, arranging, projected - arranged].map(|time| time.as_secs_f64());
-    Ok(Layout { cloud, projection, two_sided, refined, seconds })
+    Ok(Layout { cloud, laid, two_sided, refined, seconds })
 }
 
 /// Returns the places of the billboards on the smallest atlas page with texels that are fine enough.
@@ -278,13 +279,13 @@ fn textured(
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let (started, finer) = (Instant::now(), step.finer);
     let layout = layout(step, settings, progress.part(0.0, 0.65))?;
-    let atlas = packed(step, settings, &layout, &layout.projection)?;
+    let atlas = packed(step, settings, &layout, &layout.laid.projection)?;
     let done = Instant::now();
-    let grown = tune::grown(finer, &layout.cloud, layout.projection.clone(), &step.references.tuning)?;
+    let grown = tune::grown(finer, &layout.cloud, &layout.laid, &step.references.tuning)?;
     let growing = done.elapsed().as_secs_f64();
     let baking = progress.part(0.65, 0.9);
-    let mut textured = textured(step, settings, &layout, &layout.projection, atlas, baking)?;
-    if textured.missing > tune::LEAST_LOSS && grown != layout.projection {
+    let mut textured = textured(step, settings, &layout, &layout.laid.projection, atlas, baking)?;
+    if textured.missing > tune::LEAST_LOSS && grown != layout.laid.projection {
         // Texels are too fine for alpha to widen leaves by as much as they hide one another: the leaves on the page grow, too.
         let atlas = packed(step, settings, &layout, &grown)?;
         textured = self::textured(step, settings, &layout, &grown, atlas, baking)?;

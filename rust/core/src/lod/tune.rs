@@ -22,8 +22,8 @@ const STRETCHES: [f64; 4] = [1.0, 1.25, 1.5, 2.0];
 /// Loss of coverage below which collapsed leaves do not grow: nobody sees it.
 pub const LEAST_LOSS: f64 = 0.02;
 
-/// Candidate factors on the lengths of collapsed leaves.
-const GROWTHS: [f64; 6] = [1.0, 1.025, 1.05, 1.1, 1.15, 1.2];
+/// Candidate factors on the lengths of collapsed leaves, beside 1.
+const GROWTHS: [f64; 5] = [1.025, 1.05, 1.1, 1.15, 1.2];
 
 /// Range of cutoffs of the octahedral impostor. Below it, the blurred surroundings of a leaf count as leaf; above it, only the leaf's middle
 /// does.
@@ -42,44 +42,63 @@ pub fn views_of_amounts(count: usize, up: DVec3) -> Result<Views> {
     Ok(Views { count, size: 64, samples: Samples::new(3)?.unfiltered(), up, turn: TURN })
 }
 
-/// Returns a stretch limit and the projection with it. The coverage of the collapsed leaves is closest to that of the leaves. `finer`
+/// Leaves on their planes.
+pub struct Laid {
+    /// The limit of the stretch, or the growth.
+    factor: f64,
+    pub projection: Projection,
+    /// Coverage over that of the leaves.
+    coverage: f64,
+}
+
+impl Laid {
+    fn new(factor: f64, projection: Projection, finer: &Foliage, leaves: &Reference) -> Result<Self> {
+        let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
+        Ok(Self { factor, projection, coverage })
+    }
+
+    /// Returns the limit of the stretch.
+    pub fn stretch(&self) -> f64 {
+        self.factor
+    }
+
+    fn off(&self) -> f64 {
+        (self.coverage - 1.0).abs()
+    }
+}
+
+/// Returns the leaves with the limit of the stretch with which their coverage is closest to that of the leaves. `finer`
 /// collapses; `leaves` renders the reference.
-pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<(f64, Projection)> {
-    closest(&STRETCHES, |limit| Projection::new(finer, cloud, limit), finer, leaves)
+pub fn projection(finer: &Foliage, cloud: &Cloud, leaves: &Reference) -> Result<Laid> {
+    let laid = |limit: f64| Laid::new(limit, Projection::new(finer, cloud, limit), finer, leaves);
+    closest(laid(STRETCHES[0])?, &STRETCHES[1..], laid)
 }
 
 /// Returns the projection with leaves that grow as they collapse, if they lose coverage even with the best stretch: by more than
 /// [`LEAST_LOSS`].
 ///
 /// Leaves in the textures grow only where alpha cannot keep the coverage: on coarse pages grown leaves would close the gaps between leaves.
-pub fn grown(finer: &Foliage, cloud: &Cloud, projection: Projection, leaves: &Reference) -> Result<Projection> {
-    if leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage >= 1.0 - LEAST_LOSS {
-        return Ok(projection);
+pub fn grown(finer: &Foliage, cloud: &Cloud, laid: &Laid, leaves: &Reference) -> Result<Projection> {
+    let plain = Laid { projection: laid.projection.clone(), ..*laid };
+    if laid.coverage >= 1.0 - LEAST_LOSS {
+        return Ok(plain.projection);
     }
-    let (_, grown) = closest(&GROWTHS, |factor| projection.grown(finer, cloud, factor), finer, leaves)?;
-    Ok(grown)
+    let grown = |factor: f64| Laid::new(factor, laid.projection.grown(finer, cloud, factor), finer, leaves);
+    Ok(closest(plain, &GROWTHS, grown)?.projection)
 }
 
-/// Returns the best candidate and its projection: its collapsed leaves come closest to the coverage of the leaves. Coverage must grow along
-/// the candidates.
-fn closest(
-    candidates: &[f64],
-    projection: impl Fn(f64) -> Projection,
-    finer: &Foliage,
-    leaves: &Reference,
-) -> Result<(f64, Projection)> {
-    let mut best: Option<(f64, (f64, Projection))> = None;
-    for &candidate in candidates {
-        let projection = projection(candidate);
-        let coverage = leaves.agreement(&projection.at(finer, HAND_OVER)?)?.coverage;
-        let off = (coverage - 1.0).abs();
+/// Returns the candidate that comes closest to the coverage of the leaves. Coverage must grow along the candidates.
+fn closest(first: Laid, others: &[f64], laid: impl Fn(f64) -> Result<Laid>) -> Result<Laid> {
+    let mut best = first;
+    for &factor in others {
+        let next = laid(factor)?;
         // Once the error grows, the candidates that follow are worse.
-        match best {
-            Some((least, _)) if off >= least => break,
-            _ => best = Some((off, (candidate, projection))),
+        if next.off() >= best.off() {
+            break;
         }
+        best = next;
     }
-    Ok(best.expect("the first candidate is always a choice").1)
+    Ok(best)
 }
 
 /// Greatest error of ln coverage against the leaves.
@@ -210,10 +229,10 @@ mod tests {
             let (foliage, cloud) = pairs(height);
             let views = views_of_amounts(16, DVec3::Z).unwrap();
             let leaves = Reference::new(&[&foliage], foliage.frame(), views).unwrap();
-            let (_, laid) = projection(&foliage, &cloud, &leaves).unwrap();
-            let grown = grown(&foliage, &cloud, laid.clone(), &leaves).unwrap();
+            let laid = projection(&foliage, &cloud, &leaves).unwrap();
+            let grown = grown(&foliage, &cloud, &laid, &leaves).unwrap();
             let width = |each: &Projection| each.targets[0][0].distance(each.targets[0][1]);
-            assert!((width(&grown) / width(&laid) - expected).abs() < 1e-9, "pairs {height} apart");
+            assert!((width(&grown) / width(&laid.projection) - expected).abs() < 1e-9, "pairs {height} apart");
         }
     }
 

@@ -91,10 +91,10 @@ impl Arrangement<'_> {
             return Ok((cloud, None));
         }
         progress.tell("refine", 0.0)?;
-        let (stretch, projection) = tune::projection(self.finer, &cloud, self.amounts)?;
+        let laid = tune::projection(self.finer, &cloud, self.amounts)?;
         let tests = LeafViews::of(drawn(self.leaves, self.views(TEST_VIEWS, TEST_TURN)?)?);
-        let (first, tone) = self.errors(&tests, &projection)?;
-        let (parts, mut places) = Parts::new(self.finer, &cloud, stretch, self.image);
+        let (first, tone) = self.errors(&tests, &laid.projection)?;
+        let (parts, mut places) = Parts::new(self.finer, &cloud, laid.stretch(), self.image);
         let bound = cloud.bound;
         let mut best = (cloud, Gain::none(&first));
         let steps = plan.rounds * (plan.switches + plan.moves);
@@ -103,8 +103,8 @@ impl Arrangement<'_> {
             walk.switch(&mut places, plan.switches)?;
             walk.shift(&mut places, plan.moves)?;
             let made = parts.cloud(&places, bound);
-            let (_, projection) = tune::projection(self.finer, &made, self.amounts)?;
-            let (errors, tone) = self.errors(&tests, &projection)?;
+            let laid = tune::projection(self.finer, &made, self.amounts)?;
+            let (errors, tone) = self.errors(&tests, &laid.projection)?;
             walk.tone = tone;
             let gain = Gain::over(&first, &errors);
             if gain.is_better_than(&best.1) {
