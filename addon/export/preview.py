@@ -32,7 +32,7 @@ TITLE, NAME, FIGURES, LABEL = 26, 20, 14, 12
 NARROWEST = 560
 """Minimum width of a line of figures."""
 SMALL = 128
-"""Side in pixels of pictures up to which a pixel gets 4 × 4 samples; larger ones and the views get 2 × 2."""
+"""Side in pixels of pictures up to which a pixel gets 4 × 4 samples; in larger ones it gets 2 × 2."""
 FRAMES_LEFT = 0.96
 """Fraction of the views' width for the leaves; levels are a little wider."""
 TALLEST_VIEW = 300
@@ -245,8 +245,7 @@ def worst_window(errors: NDArray[np.float32], sides: tuple[int, int]) -> Box:
     total = np.zeros((height + 1, width + 1))
     total[1:, 1:] = errors.astype(np.float64).cumsum(axis=0).cumsum(axis=1)
     sums = total[rows:, columns:] - total[:-rows, columns:] - total[rows:, :-columns] + total[:-rows, :-columns]
-    # Rounded: errors differ in their last digits between machines.
-    top, left = np.unravel_index(int(np.argmax(np.round(sums, 2))), sums.shape)
+    top, left = np.unravel_index(int(np.argmax(sums)), sums.shape)
     return int(top), int(top) + rows, int(left), int(left) + columns
 
 

@@ -3,7 +3,7 @@
 //! 1. Simplified leaves are level 1 where leaves have several triangles and the scene gets cheaper ([`crate::leaves`]).
 //! 2. Drafts find the ε that the quality allows ([`crate::clouds`]). Pages get the texels that the memory allows.
 //! 3. The clouds are built, each for a size ([`crate::search`]). One that does not save half of the cost of the level before is left out.
-//! 4. The yardstick tells the largest size at which each level passes, with the page that files hold ([`crate::settle`]).
+//! 4. The yardstick tells up to which size each level passes, with the page that files hold ([`crate::settle`]).
 //! 5. Of these and of levels of fewer leaves ([`crate::fewer`]), the cheapest walk through the scene is drawn ([`crate::walk`]).
 //! 6. The octahedral impostor follows where it passes ([`crate::last`]).
 
@@ -13,13 +13,15 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
+use leafcloud::lod::octahedral::Sketch;
 use leafcloud::lod::{self, Chain, ChainSettings, Level, Measured, Octahedral, ViewCounts};
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
+use leafcloud_simplify::SimplifiedLeaves;
 
 use crate::clouds::{TriedEpsilon, leave_a_choice};
 use crate::costs::Prices;
-use crate::last::{Drafts, Judge, LEAST_STEP, Last, Place, check_last, octahedral};
+use crate::last::{Judge, LEAST_STEP, Last, Place, Sketches, check_last, octahedral, shown};
 use crate::leaves::LeafLevel;
 use crate::search::{Plan, Search};
 use crate::settle::{LARGEST_OF_QUICK, drawn};
@@ -170,8 +172,8 @@ pub(crate) struct Tree<'a> {
     pub yardsticks: RefCell<Vec<(Vec<u32>, Rc<Yardstick<'a>>)>>,
     /// The yardstick for impostors, which show the trunk, too.
     of_impostors: Yardstick<'a>,
-    /// The octahedral impostors that were drafted.
-    drafts: Drafts,
+    /// The octahedral impostors that were sketched.
+    sketches: Sketches,
 }
 
 impl<'a> Tree<'a> {
@@ -179,8 +181,8 @@ impl<'a> Tree<'a> {
         let (up, lit) = (settings.up, settings.is_lit());
         let of_impostors =
             Yardstick::new(Cow::Borrowed(foliage), trunk.map(Cow::Borrowed), up, lit, LARGEST_OF_IMPOSTORS);
-        let (fewer, yardsticks, drafts) = Default::default();
-        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, drafts }
+        let (fewer, yardsticks, sketches) = Default::default();
+        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, sketches }
     }
 }
 
@@ -190,34 +192,54 @@ impl Tree<'_> {
         self.yardsticks.borrow_mut().clear();
         let crown = first_cloud(&chosen).unwrap_or(f64::INFINITY);
         let may_replace = last == Last::Auto && !self.settings.every_level && chosen.offer.is_none();
+        let (judging, baking) = (progress.part(SHARE_OF_CLOUDS, 0.95), progress.part(0.95, 1.0));
         if may_replace && AS_EARLY * crown <= LARGEST_OF_IMPOSTORS as f64 {
-            let without = self.with_last(without_clouds(chosen.clone()), wishes, last, progress)?;
+            let (without, sketch) = self.with_last(without_clouds(chosen.clone()), wishes, last, judging)?;
             let takes_over = without.takes_over.last().map_or(0.0, |passed| passed.crown);
-            if without.octahedral.is_some() && takes_over >= AS_EARLY * crown {
-                return Ok(without);
+            if sketch.is_some() && takes_over >= AS_EARLY * crown {
+                return self.baked(without, sketch, baking);
             }
         }
-        self.with_last(chosen, wishes, last, progress)
+        let (chosen, sketch) = self.with_last(chosen, wishes, last, judging)?;
+        self.baked(chosen, sketch, baking)
     }
 
-    /// Adds the octahedral impostor, and finds where the last level takes over.
-    fn with_last(&self, chosen: Chosen, wishes: Option<&Wishes>, last: Last, progress: Progress) -> Result<Chosen> {
-        let Some(cross) = chosen.chain.levels.last().filter(|level| level.is_cross()) else { return Ok(chosen) };
-        if wishes.is_none() && last != Last::Octahedral {
-            return Ok(chosen);
-        }
+    /// Adds the octahedral impostor of a sketch.
+    fn baked(&self, chosen: Chosen, sketch: Option<Rc<Sketch>>, progress: Progress) -> Result<Chosen> {
+        let Some(sketch) = sketch else { return Ok(chosen) };
+        let (parts, size) = (self.parts(), sketch.impostor().layout.size);
+        let shown = shown(&parts, chosen.simplified(), self.settings.up, size);
+        let impostor = sketch.finished(shown, self.settings, progress)?;
+        Ok(Chosen { octahedral: Some(Arc::new(impostor)), ..chosen })
+    }
+
+    /// Returns the leaves, and the trunk.
+    fn parts(&self) -> Vec<&Foliage> {
+        std::iter::once(self.foliage).chain(self.trunk).collect()
+    }
+
+    /// Finds where the last level takes over, and whether an octahedral impostor is drawn for it.
+    fn with_last(
+        &self,
+        chosen: Chosen,
+        wishes: Option<&Wishes>,
+        last: Last,
+        progress: Progress,
+    ) -> Result<(Chosen, Option<Rc<Sketch>>)> {
+        let cross = chosen.chain.levels.last().filter(|level| level.is_cross());
+        let Some(cross) = cross.filter(|_| wishes.is_some() || last == Last::Octahedral) else {
+            return Ok((chosen, None));
+        };
         let before = chosen.chain.levels.iter().rev().nth(1).map(Level::foliage).transpose()?;
-        let simpler = chosen.leaf_levels.first().filter(|level| level.kept.is_none()).map(|level| &level.leaves);
-        let parts: Vec<&Foliage> = std::iter::once(self.foliage).chain(self.trunk).collect();
+        let (simpler, parts) = (chosen.simplified(), self.parts());
         let before_crown = chosen.takes_over.last().map_or(f64::INFINITY, |passed| passed.crown);
         let of_leaves = chosen.leaf_levels.last().map_or(self.foliage, |level| &level.leaves.foliage);
         let before = before.as_ref().unwrap_or(of_leaves);
-        let drafts = &self.drafts;
-        let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain, drafts };
-        let progress = progress.part(SHARE_OF_CLOUDS, 1.0);
+        let sketches = &self.sketches;
+        let place = Place { parts: &parts, simpler, before, before_crown, chain: &chosen.chain, sketches };
         let Some(wishes) = wishes else {
             let made = octahedral(last, None, place, self.settings, progress)?;
-            return Ok(Chosen { octahedral: made.map(|(impostor, _)| impostor), ..chosen });
+            return Ok((chosen, made.map(|(sketch, _)| sketch)));
         };
         let settings = self.settings;
         let yardstick = &self.of_impostors;
@@ -226,12 +248,19 @@ impl Tree<'_> {
         let most = (before_crown / LEAST_STEP).min(LARGEST_CROWN);
         let of_cross = yardstick.largest(Subject::Foliage(&drawn(cross, wishes)?), wishes.q(), most)?;
         let mut takes_over = chosen.takes_over.clone();
-        let Some((impostor, passed)) = made else {
+        let Some((sketch, passed)) = made else {
             takes_over.push(of_cross);
-            return Ok(Chosen { takes_over, ..chosen });
+            return Ok((Chosen { takes_over, ..chosen }, None));
         };
         takes_over.extend(passed);
-        Ok(Chosen { takes_over, plain: Some(of_cross), octahedral: Some(impostor), ..chosen })
+        Ok((Chosen { takes_over, plain: Some(of_cross), ..chosen }, Some(sketch)))
+    }
+}
+
+impl Chosen {
+    /// Returns the simplified leaves, if there are any.
+    fn simplified(&self) -> Option<&SimplifiedLeaves> {
+        self.leaf_levels.first().filter(|level| level.kept.is_none()).map(|level| &level.leaves)
     }
 }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use leafcloud::error::Result;
-use leafcloud::lod::octahedral::{Draft, Layout, Octahedral, Shown, Size};
+use leafcloud::lod::octahedral::{Layout, Shown, Size, Sketch};
 use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING, References};
 use leafcloud::metrics::drawing_cost;
 use leafcloud::{Error, Foliage, Progress};
@@ -56,41 +56,41 @@ pub struct Place<'a> {
     /// The chain of the tree.
     pub chain: &'a Chain,
     /// Impostors of the tree.
-    pub drafts: &'a Drafts,
+    pub sketches: &'a Sketches,
 }
 
-/// The octahedral impostors of a tree that were drafted: they are the same beside all chains.
-pub type Drafts = RefCell<Vec<Rc<Draft>>>;
+/// The octahedral impostors of a tree that were sketched: they are the same beside all chains.
+pub type Sketches = RefCell<Vec<Rc<Sketch>>>;
 
 impl Place<'_> {
-    /// Returns the draft of an impostor, for eyes in the directions `seen_from`, and what it shows.
-    fn draft(
+    /// Returns the sketch of an impostor, for eyes in the directions `seen_from`.
+    fn sketch(
         &self,
         size: Size,
         seen_from: &[DVec3],
         settings: &ChainSettings,
         progress: Progress,
-    ) -> Result<(Rc<Draft>, Shown<'_>)> {
-        let shown = Shown { parts: self.parts, simpler: self.simpler(settings.up, size) };
-        let is_known = |draft: &&Rc<Draft>| draft.impostor().layout.size == size;
-        if let Some(known) = self.drafts.borrow().iter().find(is_known) {
-            return Ok((Rc::clone(known), shown));
+    ) -> Result<Rc<Sketch>> {
+        let is_known = |sketch: &&Rc<Sketch>| sketch.impostor().layout.size == size;
+        if let Some(known) = self.sketches.borrow().iter().find(is_known) {
+            return Ok(Rc::clone(known));
         }
         let frame = self.parts[0].frame();
         let measured = || References::new(self.parts, self.parts, frame, settings).map(Arc::new);
         let references = self.chain.whole.clone().map_or_else(measured, Ok)?;
-        let draft = Rc::new(Draft::of(shown, size, &references, seen_from, settings, progress)?);
-        self.drafts.borrow_mut().push(Rc::clone(&draft));
-        Ok((draft, shown))
+        let shown = shown(self.parts, self.simpler, settings.up, size);
+        let sketch = Rc::new(Sketch::of(shown, size, &references, seen_from, settings, progress)?);
+        self.sketches.borrow_mut().push(Rc::clone(&sketch));
+        Ok(sketch)
     }
+}
 
-    /// Returns the simplified leaves, if they deviate by less than a texel of the impostor.
-    fn simpler(&self, up: glam::DVec3, size: Size) -> Option<&Foliage> {
-        let simpler = self.simpler?;
-        let layout = Layout::around(self.parts, up, size);
-        let texel = 2.0 * layout.extent.x.min(layout.extent.y) / layout.size.texels as f64;
-        (simpler.deviation * simpler.foliage.frame().radius < texel).then_some(&simpler.foliage)
-    }
+/// Returns what an impostor of all parts shows: the simplified leaves, if they deviate by less than a texel of it.
+pub fn shown<'a>(parts: &'a [&'a Foliage], simpler: Option<&'a SimplifiedLeaves>, up: DVec3, size: Size) -> Shown<'a> {
+    let layout = Layout::around(parts, up, size);
+    let texel = 2.0 * layout.extent.x.min(layout.extent.y) / layout.size.texels as f64;
+    let is_fine = |simpler: &&SimplifiedLeaves| simpler.deviation * simpler.foliage.frame().radius < texel;
+    Shown { parts, simpler: simpler.filter(is_fine).map(|simpler| &simpler.foliage) }
 }
 
 /// Checks that the last level can have a form.
@@ -106,7 +106,7 @@ pub fn check_last(last: Last, settings: &ChainSettings) -> Result<()> {
     Ok(())
 }
 
-/// Returns the octahedral impostor to draw instead of the chain's cross impostor, and where it takes over; `None` if the cross impostor is drawn, or
+/// Returns the sketch of the octahedral impostor to draw instead of the chain's cross impostor, and where it takes over; `None` if the cross impostor is drawn, or
 /// if it is left out.
 ///
 /// `judge`: the yardstick and its limit. Without it, [`Last::Auto`] keeps the cross impostor.
@@ -119,15 +119,13 @@ pub fn octahedral(
     place: Place,
     settings: &ChainSettings,
     progress: Progress,
-) -> Result<Option<(Arc<Octahedral>, Option<Passed>)>> {
+) -> Result<Option<(Rc<Sketch>, Option<Passed>)>> {
     check_last(last, settings)?;
     let Some(cross) = place.chain.levels.last().filter(|level| level.is_cross()) else { return Ok(None) };
-    let finished =
-        |(draft, shown): (Rc<Draft>, Shown)| draft.finished(shown, settings, progress.part(0.5, 1.0)).map(Arc::new);
-    let drafted = |size: Size, eyes: &[DVec3]| place.draft(size, eyes, settings, progress.part(0.0, 0.5));
+    let sketched = |size: Size, eyes: &[DVec3]| place.sketch(size, eyes, settings, progress);
     let Some(judge) = judge else {
         return if last == Last::Octahedral {
-            drafted(Size::default(), &[]).and_then(finished).map(|built| Some((built, None)))
+            sketched(Size::default(), &[]).map(|sketch| Some((sketch, None)))
         } else {
             Ok(None)
         };
@@ -138,22 +136,23 @@ pub fn octahedral(
     let is_wished = last == Last::Octahedral;
     let has_room = is_wished || judge.memory_budget >= megabytes(Size::for_crown(LARGEST), place);
     let eyes: Vec<DVec3> = judge.yardstick.directions()?.collect();
-    let judged = |most: f64| -> Result<((Rc<Draft>, Shown), Passed)> {
+    let judged = |most: f64| -> Result<(Rc<Sketch>, Passed)> {
         let largest = most.min(place.before_crown / LEAST_STEP);
-        let draft = drafted(if is_wished { Size::default() } else { Size::for_crown(largest) }, &eyes)?;
-        let passed = judge.yardstick.largest(Subject::Octahedral(draft.0.impostor()), judge.q, largest)?;
-        Ok((draft, passed))
+        let sketch = sketched(if is_wished { Size::default() } else { Size::for_crown(largest) }, &eyes)?;
+        let passed = judge.yardstick.largest(Subject::Octahedral(sketch.impostor()), judge.q, largest)?;
+        Ok((sketch, passed))
     };
-    let (mut draft, mut passed) = judged(if has_room { LARGEST } else { LARGEST_OF_SMALL })?;
+    let (mut sketch, mut passed) = judged(if has_room { LARGEST } else { LARGEST_OF_SMALL })?;
     let is_large = LARGEST.min(place.before_crown / LEAST_STEP) > LARGEST_OF_SMALL;
     if has_room && is_large && !is_wished && passed.passes && passed.crown <= LARGEST_OF_SMALL {
-        // Pages that serve no larger crown than small ones are not worth their memory. Small ones pass where large ones do, at most.
-        (draft, passed) = judged(LARGEST_OF_SMALL)?;
+        // Pages that serve no larger crown than small ones are not worth their memory. Where large ones pass nowhere, small ones are not tried: they
+        // show less.
+        (sketch, passed) = judged(LARGEST_OF_SMALL)?;
     }
     let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, passed.crown)?;
-    let layout = &draft.0.impostor().layout;
+    let layout = &sketch.impostor().layout;
     let is_worth_it = passed.passes && saving(place, passed.crown, cross, layout, settings.up)? >= LEAST_SAVING;
-    (is_wished || is_worth_it).then(|| finished(draft).map(|built| (built, Some(passed)))).transpose()
+    Ok((is_wished || is_worth_it).then_some((sketch, Some(passed))))
 }
 
 /// The yardstick for an octahedral impostor, and its limits.

@@ -170,14 +170,14 @@ impl<'a> Search<'a, '_> {
         let choices = if plan.tried.is_empty() || tree.settings.every_level { 1 } else { tree.settings.levels };
         let done = |tries: usize| 1.0 - libm::pow(0.5, tries as f64);
         let part = |tries: usize| progress.part(done(tries), done(tries + 1));
-        let mut best = self.tried((0, twigs), choices > 1, part(0))?;
+        let mut best = self.attempt((0, twigs), choices > 1, part(0))?;
         for (first, crown) in CROWNS.into_iter().enumerate().take(choices).skip(1) {
             let Settled { chosen, walk, without_first } = &best.settled;
             let is_early = first_cloud(chosen).is_some_and(|found| found >= crown);
             if is_early && *without_first > walk.cost - LEAST_GAIN {
                 break;
             }
-            let next = match self.tried((first, twigs), first + 1 < choices, part(first)) {
+            let next = match self.attempt((first, twigs), first + 1 < choices, part(first)) {
                 // A chain that cannot be built is no better.
                 Err(Error::Invalid(_)) => break,
                 next => next?,
@@ -198,7 +198,7 @@ impl<'a> Search<'a, '_> {
 
     /// Builds the clouds from number `first` on, with or without thin branches; only the first of them if it takes over as late as the second, and
     /// others `may_follow` in its place: the others are not worth their time before.
-    fn tried(&self, (first, twigs): (usize, bool), may_follow: bool, progress: Progress) -> Result<Try<'a>> {
+    fn attempt(&self, (first, twigs): (usize, bool), may_follow: bool, progress: Progress) -> Result<Try<'a>> {
         let mut begun = self.plan.begun(self.measured, self.tree, self.wishes, (first, twigs))?;
         let mut is_late = false;
         if let Some(number) = begun.clouds.add(progress)? {

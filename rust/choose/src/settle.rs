@@ -6,7 +6,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use leafcloud::error::Result;
-use leafcloud::lod::{Chain, ChainSettings, Level};
+use leafcloud::lod::{Chain, Level};
 use leafcloud::{Foliage, Progress};
 
 use crate::chain::{Chosen, Tree};
@@ -74,7 +74,7 @@ impl<'a> Tree<'a> {
             let known = first.filter(|_| number == 0);
             takes_over.push(known.map_or_else(|| self.passed(level, number, twigs, wishes, yardstick), Ok)?);
         }
-        let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self.settings);
+        let chosen = without_failing(Chosen { takes_over, q: wishes.q(), ..chosen }, self);
         self.settled(chosen, wishes, yardstick, progress)
     }
 
@@ -90,8 +90,9 @@ impl<'a> Tree<'a> {
         let mut levels = costs.levels(&chosen, fewer, wishes);
         let (leaf_levels, count) = (usize::from(levels.simplified.is_some()), levels.clouds.len());
         let room = MOST_LEVELS.saturating_sub(leaf_levels + usize::from(self.settings.cross));
-        let may_go =
-            !fewer.is_empty() && self.settings.cross && levels.clouds.first().is_some_and(|first| !first.passes);
+        let may_go = !fewer.is_empty()
+            && self.has_cross(&chosen.chain)
+            && levels.clouds.first().is_some_and(|first| !first.passes);
         let is_wished = self.settings.every_level || !wishes.sizes.is_empty();
         let walk = scenes.best(&levels, room, if is_wished { count } else { usize::from(!may_go) });
         let mut without_first = f64::INFINITY;
@@ -101,6 +102,11 @@ impl<'a> Tree<'a> {
         }
         let fewer = fewer.iter().map(|(level, _)| level.clone()).collect();
         Ok(Settled { chosen: along(chosen, &walk, fewer), walk, without_first })
+    }
+
+    /// Returns whether a chain has a cross impostor, or gets one once its clouds are settled.
+    fn has_cross(&self, chain: &Chain) -> bool {
+        self.settings.cross && !chain.left_out.iter().any(|level| level.epsilon.is_none())
     }
 
     /// Returns what the levels of a chain cost to draw.
@@ -242,12 +248,12 @@ fn keep_clouds(chain: &mut Chain, count: usize) {
 }
 
 /// Returns the chain without its last clouds, if they look like the leaves at no size. No level is built from them. A chain has one level at least.
-fn without_failing(chosen: Chosen, settings: &ChainSettings) -> Chosen {
+fn without_failing(chosen: Chosen, tree: &Tree) -> Chosen {
     let Chosen { chain, mut takes_over, mut twigs, .. } = chosen;
     let mut chain = Arc::unwrap_or_clone(chain);
-    while !settings.every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
+    while !tree.settings.every_level && takes_over.len() > 1 && takes_over.last().is_some_and(|last| !last.passes) {
         let clouds = clouds(&chain).count();
-        if clouds == 0 || clouds == 1 && !settings.cross {
+        if clouds == 0 || clouds == 1 && !tree.has_cross(&chain) {
             break;
         }
         takes_over.pop();

@@ -6,7 +6,7 @@
 //! [`CELLS_FROM`] pixels on the cells of the crown must be covered as in the control.
 //!
 //! Pictures have the diameters of the crown that halve from [`LARGEST`]. They are means of pictures twice as large, up to that size: the two
-//! largest are of the same ones. O(views · pixels) for each.
+//! largest are of the same ones. O(views · pixels) for each; 25 bytes for each pixel of the leaves' pictures are kept, 70 MB with a sun.
 
 use std::borrow::Cow;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -190,7 +190,8 @@ impl<'a> Yardstick<'a> {
         let known = swaying().clone().filter(|(known, _)| *known == motion);
         let pictures = known.map_or_else(compared, |(_, pictures)| Ok(pictures))?;
         *swaying() = Some((motion, Arc::clone(&pictures)));
-        Ok(size.control.get_or_init(|| size.looks(&pictures).into_iter().flatten().collect()))
+        let looks = size.looks(&pictures).into_iter().flatten().collect();
+        Ok(size.control.get_or_init(|| looks))
     }
 
     /// Returns the sides of the pictures, from the largest.
@@ -213,11 +214,12 @@ impl<'a> Yardstick<'a> {
         Ok(size.judged(&level.beside(&rendered.reference)?, self.control(size, rendered)?, q))
     }
 
-    /// Returns the largest diameter of the crown in pixels at which a level passes, up to `most`, with its judgement in the pictures nearest to it.
+    /// Returns the diameter of the crown in pixels up to which a level passes, at most `most`, with its judgement in the pictures nearest to it.
     /// Between two sizes the excess is taken as linear in the logarithm of the size. If it passes nowhere, or no leaf is
     /// seen in the pictures: [`UNJUDGED`].
     ///
-    /// Pictures of [`FIRST`] pixels come first, then larger ones as long as it passes, or else smaller ones until it does.
+    /// Pictures of [`FIRST`] pixels come first, then larger ones as long as it passes, or else smaller ones until it does. So a level that fails there
+    /// and would pass in larger pictures takes over below them: it is drawn there, too.
     ///
     /// # Errors
     /// Those of a render.

@@ -67,3 +67,33 @@ fn a_level_takes_over_at_most_where_it_may() {
     assert_eq!(yardstick.sides().collect::<Vec<_>>(), [128, 64, 32, 16]);
     assert!(yardstick.judge(Subject::Foliage(&leaves), LARGEST, 1.0).unwrap().is_none(), "no pictures of this size");
 }
+
+/// The largest side in a row of sides that pass, from 128 up; or, if 128 fails, the largest below that passes. `passes`: largest sides first.
+fn side_by_definition(passes: &[(usize, bool)]) -> Option<usize> {
+    let larger = passes.iter().rev().skip_while(|(side, _)| *side < 128).take_while(|(_, passes)| *passes);
+    let smaller = || passes.iter().find(|(side, passes)| *side < 128 && *passes);
+    larger.last().or_else(smaller).map(|(side, _)| *side)
+}
+
+#[test]
+fn a_level_takes_over_between_the_largest_pictures_in_which_it_passes_and_the_next() {
+    let leaves = crown(400);
+    let yardstick = Yardstick::new(Cow::Borrowed(&leaves), None, DVec3::Z, false, LARGEST);
+    let level = swayed(&leaves, 0.02).unwrap();
+    let judge = |side: usize| yardstick.judge(Subject::Foliage(&level), side, 1.0).unwrap().unwrap();
+    let judged: Vec<(usize, Judgement)> = yardstick.sides().map(|side| (side, judge(side))).collect();
+    let found = [0.3, 0.55, 0.6, 0.865, 0.873, 1.0].map(|q| {
+        let passes: Vec<(usize, bool)> =
+            judged.iter().map(|(side, judged)| (*side, judged.excess(q).0 <= 1.0)).collect();
+        let passed = yardstick.largest(Subject::Foliage(&level), q, 540.0).unwrap();
+        let side = side_by_definition(&passes);
+        assert_eq!(passed.passes, side.is_some(), "{q}: {passes:?}");
+        if let Some(side) = side {
+            let (own, next) = (judge(side).crown, 2.0 * judge(side).crown);
+            let range = if side == LARGEST { 540.0..=540.0 } else { own..=next };
+            assert!(range.contains(&passed.crown) && passed.judged.crown == own, "{q}: {side}, {passed:?}");
+        }
+        side
+    });
+    assert_eq!(found, [None, Some(32), Some(64), Some(128), Some(256), Some(512)], "{judged:?}");
+}

@@ -1,8 +1,7 @@
 //! The image error of a level: FLIP of its pictures against those of the leaves (`map`).
 //!
-//! No chain of given settings depends on the image error. Three things do, by errors that are rounded to three digits. `report.json` states it.
-//! `leafcloud-curve` chooses settings by it, for a wish (`seconds`, `image_error` or a `preset`), which also depends on the clock. The add-on sets LOD
-//! distances by it.
+//! The error of a level in the report is rounded to three digits; a viewer sees no others. By it `leafcloud-curve` chooses settings for a wish (`seconds`,
+//! `image_error` or a `preset`), and the add-on sets LOD distances where no quality decides.
 
 mod map;
 mod sizes;

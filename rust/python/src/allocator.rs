@@ -2,7 +2,7 @@
 //! process. The system's own allocator keeps up to 64 MB for every thread that ever worked, and its settings are those of the host.
 
 use std::ffi::{c_int, c_long};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use mimalloc::MiMalloc;
 
@@ -15,8 +15,8 @@ const PURGE_DELAY: c_int = 15;
 /// That time while the core works, which allocates what it has just freed: with 0, a tenth of a bake is the system clearing pages.
 const DELAY_AT_WORK: c_long = 1000;
 
-/// Calls that work.
-static AT_WORK: AtomicUsize = AtomicUsize::new(0);
+/// The process, and the number of its calls that work: a fork copies the number, but none of the calls.
+static AT_WORK: AtomicU64 = AtomicU64::new(0);
 
 /// Makes the allocator return memory when it is freed. Its default waits a second for the next use of the allocator, which may never come.
 /// Called once, at the import.
@@ -29,30 +29,43 @@ pub struct Working;
 
 impl Working {
     pub fn begin() -> Self {
-        if AT_WORK.fetch_add(1, Ordering::SeqCst) == 0 {
-            set_purge_delay(DELAY_AT_WORK);
-        }
+        change_calls(1);
+        set_purge_delay(DELAY_AT_WORK);
         Self
     }
 }
 
 impl Drop for Working {
     fn drop(&mut self) {
-        // Each call that sets the longer delay does so before it leaves, so after the last one the delay is 0.
-        if AT_WORK.fetch_sub(1, Ordering::SeqCst) == 1 {
-            // It returns nothing where the delay is 0.
-            // SAFETY: the function has no requirements; it may run beside any other of the allocator.
-            #[allow(unsafe_code)]
-            unsafe {
-                libmimalloc_sys::mi_collect(true);
-            }
-            set_purge_delay(0);
+        if change_calls(-1) > 0 {
+            return;
         }
+        // With a delay of 0, which another call may just have set, nothing would be returned.
+        set_purge_delay(DELAY_AT_WORK);
+        // SAFETY: the function has no requirements; it may run beside any other of the allocator.
+        #[allow(unsafe_code)]
+        unsafe {
+            libmimalloc_sys::mi_collect(true);
+        }
+        set_purge_delay(0);
     }
 }
 
+/// Changes the number of this process's calls at work, and returns it.
+fn change_calls(by: i32) -> u32 {
+    let process = std::process::id();
+    let changed = |known: u64| {
+        let calls = if (known >> 32) as u32 == process { known as u32 } else { 0 };
+        calls.saturating_add_signed(by)
+    };
+    let packed = |known: u64| Some(u64::from(process) << 32 | u64::from(changed(known)));
+    let (Ok(before) | Err(before)) = AT_WORK.fetch_update(Ordering::SeqCst, Ordering::SeqCst, packed);
+    changed(before)
+}
+
 fn set_purge_delay(milliseconds: c_long) {
-    // SAFETY: mimalloc knows the option, and the call writes one aligned number: others read the old or the new one, and either is right.
+    // SAFETY: mimalloc knows the option. The call writes two aligned numbers, the value and that it is set; threads that allocate meanwhile read the
+    // old or the new value, and either is right.
     #[allow(unsafe_code)]
     unsafe {
         libmimalloc_sys::mi_option_set(PURGE_DELAY, milliseconds);

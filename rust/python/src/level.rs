@@ -90,7 +90,7 @@ impl PyLevel {
         let level = self.level();
         level.cloud.as_ref().map(|cloud| {
             PyCloud(CloudInFrame {
-                cloud: Arc::new(cloud.clone()),
+                cloud: Arc::clone(cloud),
                 frame: level.frame,
                 radius: self.radius,
                 mean_deviation: level.mean_deviation,

@@ -1,10 +1,9 @@
 //! Pictures of a trunk behind leaves, and how much they change.
 
 use glam::DVec3;
-use leafcloud::metrics::{View, Views, seen_behind};
+use leafcloud::metrics::{View, Views, in_each_view, seen_behind};
 use leafcloud::textures::{Samples, SeenInPixel, SeenTriangles};
 use leafcloud::{Attributes, Foliage, Material, Progress, Result};
-use rayon::prelude::*;
 
 use crate::Sight;
 
@@ -46,9 +45,9 @@ pub fn changes(trunk: &Foliage, trunks: &[Vec<&[[u32; 3]]>], sight: Sight, progr
     let others = trunks.iter().map(|parts| owned(trunk, parts)).collect::<Result<Vec<Owned>>>()?;
     let drawn: Vec<&Foliage> = [trunk].into_iter().chain(others.iter().map(|other| &other.foliage)).collect();
     let none = || Changes { area: 0, seen: vec![0; parts], of_parts: vec![vec![0; parts]; others.len()] };
-    let of_view = |view: View| {
+    let of_view = |view: &View| {
         progress.tell("simplify", 0.0)?;
-        let pictures = seen_behind(sight.leaves, &drawn, &view)?;
+        let pictures = seen_behind(sight.leaves, &drawn, view)?;
         let before = shown(&pictures[0], trunk.leaf_ids());
         let mut changes = Changes { area: pictures[0].covered, ..none() };
         for each in &before {
@@ -60,7 +59,9 @@ pub fn changes(trunk: &Foliage, trunks: &[Vec<&[[u32; 3]]>], sight: Sight, progr
         Ok(changes)
     };
     let views: Vec<View> = views(trunk, sight).collect();
-    views.into_par_iter().map(of_view).try_reduce(none, |a, b| Ok(a.plus(&b)))
+    let all: Vec<&Foliage> = sight.leaves.into_iter().chain(drawn.iter().copied()).collect();
+    let of_views = in_each_view(&all, &views, of_view)?;
+    Ok(of_views.iter().fold(none(), Changes::plus))
 }
 
 impl Changes {

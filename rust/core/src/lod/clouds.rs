@@ -30,7 +30,7 @@ pub struct Clouds<'a> {
 }
 
 impl<'a> Clouds<'a> {
-    /// Begins a chain. `twigs`: thin branches that clouds show beside the leaves: those of the first cloud, those that the second shows in addition, and
+    /// Begins a chain. `settings` are those of the measurement, but for numbers, steps and pages of clouds. `twigs`: thin branches that clouds show beside the leaves: those of the first cloud, those that the second shows in addition, and
     /// so on. Within the frame of the leaves.
     ///
     /// # Errors
@@ -42,7 +42,7 @@ impl<'a> Clouds<'a> {
     }
 
     /// Fits, packs, bakes and measures the next cloud that is worth making. Returns its number among those that the settings ask for, from 0; `None`
-    /// if no other is made. `progress` is that of the whole chain.
+    /// if no other is made. `progress` is that of the whole chain. After an error the next call goes on with the cloud behind.
     ///
     /// # Errors
     /// Fully transparent leaves; an atlas page without visible texels; more billboards than the atlas page holds; [`Error::Cancelled`].
@@ -177,7 +177,7 @@ impl<'a> Clouds<'a> {
         if is_made {
             made.refine_last(|level| refine::refined(level, &step, settings, progress.part(found, 1.0)))?;
             made.levels[finer_levels].keep_own(own_triangles);
-            self.shown_twigs.push(twigs.shown());
+            self.shown_twigs.push(twigs.show());
         }
         Ok(is_made)
     }

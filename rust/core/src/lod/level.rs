@@ -58,9 +58,9 @@ pub struct Level {
     /// ε as a share of the leaves' R; `None` for the cross impostor.
     pub epsilon: Option<f64>,
     /// The planes, and the parent plane of each triangle of the level before; `None` for the cross impostor.
-    pub cloud: Option<Cloud>,
+    pub cloud: Option<Arc<Cloud>>,
     /// Positions of the level before at a = 1; `None` for the cross impostor.
-    pub projection: Option<Projection>,
+    pub projection: Option<Arc<Projection>>,
     /// The local frame of planes, projection and atlas layout.
     pub frame: Frame,
     /// Atlas layout of the billboards.
@@ -316,8 +316,8 @@ pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -
         radius_pixels,
         coverage,
         pictures,
-        cloud: Some(cloud),
-        projection: Some(grown),
+        cloud: Some(Arc::new(cloud)),
+        projection: Some(Arc::new(grown)),
         sharers: Arc::default(),
         atlas,
         page,
@@ -357,11 +357,11 @@ pub(super) fn tightened(
 impl Level {
     /// Keeps the planes and places of the first triangles of the level before, those of its own. The others are twigs, which do not move.
     pub(super) fn keep_own(&mut self, triangles: usize) {
-        if let Some(cloud) = &mut self.cloud {
+        if let Some(cloud) = self.cloud.as_mut().map(Arc::make_mut) {
             cloud.parents.truncate(triangles);
             cloud.deviations.truncate(triangles);
         }
-        if let Some(Projection { targets, pivots, pivot_targets }) = &mut self.projection {
+        if let Some(Projection { targets, pivots, pivot_targets }) = self.projection.as_mut().map(Arc::make_mut) {
             targets.truncate(triangles);
             pivots.truncate(triangles);
             pivot_targets.truncate(triangles);

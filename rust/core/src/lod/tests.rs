@@ -354,15 +354,26 @@ fn leaves_cover_as_much_on_fine_pages_as_on_coarse_ones() {
 #[test]
 fn clouds_are_built_one_after_another() {
     let foliage = ball(300);
-    let settings = ChainSettings { every_level: true, ..settings() };
-    let measured = Measured::of(Origin::of(&foliage), None, &settings, Progress::silent()).unwrap();
-    let mut clouds = Clouds::new(&measured, settings, Vec::new()).unwrap();
+    let wanted = ChainSettings { every_level: true, ..settings() };
+    let measured = Measured::of(Origin::of(&foliage), None, &wanted, Progress::silent()).unwrap();
+    let mut clouds = Clouds::new(&measured, wanted.clone(), Vec::new()).unwrap();
     let built = |clouds: &Clouds| clouds.with_cross(clouds.chain(), Progress::silent()).unwrap();
     let methods = |chain: &Chain| chain.levels.iter().map(|level| level.method).collect::<Vec<_>>();
     assert_eq!(clouds.add(Progress::silent()).unwrap(), Some(0));
     assert_eq!(methods(&built(&clouds)), ["stochastic", "cross"]);
     assert!(!clouds.is_complete());
     assert_eq!(clouds.add(Progress::silent()).unwrap(), Some(1));
-    assert_eq!(methods(&built(&clouds)), ["stochastic", "stochastic", "cross"]);
     assert_eq!(clouds.add(Progress::silent()).unwrap(), None);
+    // A chain that went on is the one that is built at once.
+    let contents = |chain: &Chain| -> Vec<_> {
+        let level = |level: &Level| {
+            let corners = level.foliage().unwrap();
+            let corners: Vec<_> = (0..corners.triangle_count()).map(|t| corners.corners(t)).collect();
+            (level.method, level.page.base_color.pixels().to_vec(), corners, level.max_deviation_leaves)
+        };
+        chain.levels.iter().map(level).collect()
+    };
+    let whole = build_chain(&foliage, None, &wanted, Progress::silent()).unwrap();
+    assert_eq!(methods(&whole), ["stochastic", "stochastic", "cross"]);
+    assert!(contents(&built(&clouds)) == contents(&whole));
 }

@@ -70,7 +70,7 @@ impl Twigs {
     }
 
     /// Takes the twigs as shown by the last cloud. Returns how many of the clouds' sets it shows.
-    pub fn shown(&mut self) -> usize {
+    pub fn show(&mut self) -> usize {
         self.shown = self.added;
         self.added.min(self.of_clouds.len())
     }

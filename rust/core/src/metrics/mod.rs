@@ -196,7 +196,10 @@ impl Reference {
 }
 
 /// Draws parts in all views side by side, or one after the other if their triangles take much memory in each.
-fn in_each_view<T: Send>(
+///
+/// # Errors
+/// Those of `draw`.
+pub fn in_each_view<T: Send>(
     parts: &[&Foliage],
     views: &[View],
     draw: impl Fn(&View) -> Result<T> + Send + Sync,

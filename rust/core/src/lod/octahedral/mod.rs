@@ -167,14 +167,14 @@ impl<'a> Shown<'a> {
 }
 
 /// An impostor without the views that nothing needed so far: most impostors are not worth drawing, and judging one takes a third of its views.
-pub struct Draft {
+pub struct Sketch {
     impostor: Octahedral,
     rendered: pages::Rendered,
     openness: Vec<Vec<f32>>,
     tuning: Tuning,
 }
 
-impl Draft {
+impl Sketch {
     /// Bakes the views that eyes in the directions `seen_from` see. Alpha then covers as much as the tree and colors have its mean, as for all
     /// levels. `references`: the renderings of all parts.
     ///
@@ -216,13 +216,13 @@ impl Draft {
         Ok(Self { impostor, rendered, openness, tuning })
     }
 
-    /// Returns the impostor as it is seen from the directions of this draft. Other views are missing.
+    /// Returns the impostor as it is seen from the directions of this sketch. Other views are missing.
     #[must_use]
     pub fn impostor(&self) -> &Octahedral {
         &self.impostor
     }
 
-    /// Bakes all views. `shown` and `settings` are those of the draft.
+    /// Bakes all views. `shown` and `settings` are those of the sketch.
     ///
     /// # Errors
     /// [`Error::Cancelled`].
@@ -283,7 +283,7 @@ impl Octahedral {
     /// Bakes the impostor. `references`: the renderings of all parts.
     ///
     /// # Errors
-    /// Those of [`Draft::of`].
+    /// Those of [`Sketch::of`].
     pub fn build(
         shown: Shown,
         size: Size,
@@ -291,8 +291,8 @@ impl Octahedral {
         settings: &ChainSettings,
         progress: Progress,
     ) -> Result<Self> {
-        let draft = Draft::of(shown, size, references, &[], settings, progress.part(0.0, 0.5))?;
-        draft.finished(shown, settings, progress.part(0.5, 1.0))
+        let sketch = Sketch::of(shown, size, references, &[], settings, progress.part(0.0, 0.5))?;
+        sketch.finished(shown, settings, progress.part(0.5, 1.0))
     }
 
     /// Draws the impostor in all views of `base`, beside it.

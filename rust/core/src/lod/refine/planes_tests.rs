@@ -6,6 +6,7 @@ use crate::lod::refine::tests::{bush, settings};
 use crate::lod::{ChainSettings, Level, RefinedParts, build_chain};
 use crate::textures::Samples;
 use glam::{Vec3, Vec4};
+use std::sync::Arc;
 
 /// Red squares of side 0.3 that face up, each a leaf, on a grid of 5 × 5 with the height of each.
 fn squares(height: impl Fn(u32) -> f64) -> Foliage {
@@ -134,7 +135,7 @@ fn a_viewer_sees_no_motion_by_more_than_the_angle() {
     let image = ImageBound { angle: 0.08, distance: 2.2 };
     let fit = FitSettings { image: Some(image), ..settings(Refinement::Long).fit };
     let level = level(&foliage, &ChainSettings { fit, ..settings(Refinement::Long) });
-    let cloud = level.cloud.unwrap();
+    let cloud = Arc::unwrap_or_clone(level.cloud.unwrap());
     for (triangle, &parent) in cloud.parents.iter().enumerate() {
         for corner in foliage.corners(triangle) {
             let height = cloud.planes[parent as usize].height(corner).abs();
@@ -149,7 +150,7 @@ fn without_planes_the_cloud_is_that_of_the_fit() {
     let foliage = bush(150);
     let planes = |settings: &ChainSettings| {
         let level = level(&foliage, settings);
-        let cloud = level.cloud.unwrap();
+        let cloud = Arc::unwrap_or_clone(level.cloud.unwrap());
         (cloud.planes, cloud.parents, level.refined_planes.is_some(), level.refined.is_some())
     };
     let parts = |planes, texels| ChainSettings {
@@ -174,7 +175,7 @@ fn any_number_of_threads_gives_the_same_planes() {
         let parts = RefinedParts { planes: true, texels: false };
         let settings = ChainSettings { refined_parts: parts, ..settings(Refinement::Long) };
         let level = pool.install(|| level(&foliage, &settings));
-        let cloud = level.cloud.unwrap();
+        let cloud = Arc::unwrap_or_clone(level.cloud.unwrap());
         (cloud.planes, cloud.parents, level.page, level.refined_planes)
     };
     assert!(on(1) == on(4));
