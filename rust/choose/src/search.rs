@@ -90,7 +90,7 @@ impl Plan {
     }
 }
 
-/// A chain whose clouds are built one after another.
+/// A chain that may lack its last clouds: the search stops where further ones are not worth their time.
 struct Begun<'a> {
     clouds: Clouds<'a>,
     /// For each cloud, the triangles of the trunk that it shows and the one before does not.

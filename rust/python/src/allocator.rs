@@ -12,7 +12,8 @@ static ALLOCATOR: MiMalloc = MiMalloc;
 /// `mi_option_purge_delay` of mimalloc's header: milliseconds until freed memory is returned.
 const PURGE_DELAY: c_int = 15;
 
-/// That time while the core works, which allocates what it has just freed: with 0, a tenth of a bake is the system clearing pages.
+/// Milliseconds until freed memory is returned while the core works. It soon allocates as much again; with 0 the system would clear pages for a tenth of
+/// a bake.
 const DELAY_AT_WORK: c_long = 1000;
 
 /// The process, and the number of its calls that work: a fork copies the number, but none of the calls.

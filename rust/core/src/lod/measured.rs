@@ -1,5 +1,5 @@
-//! What is measured before the first level: the order of pruning, the leaves that the crown hides, and the light of the sky. Chains of the same leaves
-//! with other clouds share it.
+//! Measures leaves and trunk before the first level: the pruning order, the leaves that the crown hides, and the light of the sky. Chains of the same
+//! leaves with other clouds share the results.
 
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;

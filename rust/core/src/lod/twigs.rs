@@ -13,7 +13,7 @@ use crate::foliage::Foliage;
 /// The twigs that the clouds so far have come to show.
 pub(super) struct Twigs {
     of_clouds: Vec<Option<Foliage>>,
-    /// The number of clouds whose twigs are shown, and of those that were made.
+    /// Number of clouds whose twigs were added, and number of those whose twigs the last cloud shows.
     added: usize,
     shown: usize,
     /// What the clouds are compared with, once it is rendered.

@@ -240,7 +240,7 @@ impl Sketch {
     }
 }
 
-/// Renders views of what is shown.
+/// Renders the views, by column and row of the grid, that the pages lack.
 fn render(
     rendered: &mut pages::Rendered,
     views: impl Iterator<Item = (usize, usize)>,
