@@ -1,17 +1,22 @@
 """Work on Blender's main thread in steps. The interface draws between two steps.
 
 Work in steps is a generator: each `yield` ends a step. Its return value is the result. If the generator is closed, the
-work ends at that `yield`, and undoes its changes.
+work ends at that `yield`, and undoes its changes. Work that does not touch Blender runs on other threads meanwhile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from typing import TypeAlias, TypeVar
 
 _T = TypeVar("_T")
 
 Steps: TypeAlias = Generator[None, None, _T]
+
+WAITING_SECONDS = 0.05
+"""Longest step that waits for another thread."""
 
 
 def all_steps(steps: Steps[_T]) -> _T:
@@ -21,3 +26,20 @@ def all_steps(steps: Steps[_T]) -> _T:
             next(steps)
         except StopIteration as end:
             return end.value
+
+
+@contextmanager
+def threads(count: int) -> Iterator[ThreadPoolExecutor]:
+    """Yield a pool of threads that end after the work submitted in the block. Do not wait for them."""
+    pool = ThreadPoolExecutor(count, thread_name_prefix="leafcloud")
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False)
+
+
+def waited(work: Future[_T]) -> Steps[_T]:
+    """Wait for work on another thread, in steps, and return its result."""
+    while not wait([work], WAITING_SECONDS).done:
+        yield
+    return work.result()

@@ -6,7 +6,7 @@ A single tree is a tree set of one, and keeps its own atlas pages.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from ..plan.decision import Decision, is_on
 from ..plan.effects import CameraNote, camera_note
 from ..plan.registry import all_effects
 from ..settings.bake import BakeSettings
-from ..steps import Steps, all_steps
+from ..steps import Steps, all_steps, threads
 from .job import Progress, wait
 from .pipeline import file_name, finish, plan, prepare, start, view_of
 from .values import Baked, Planned, Prepared, TreeSet
@@ -134,7 +134,7 @@ class ChainsJob:
         self._finished = 0
         self._cancelled = False
         self._job: leafcloud.Job[leafcloud.Chain] | None = None
-        with _one_thread() as thread:
+        with threads(1) as thread:
             self._result: Future[list[leafcloud.Chain]] = thread.submit(self._work)
 
     @property
@@ -200,16 +200,6 @@ def _named(tree: str | None) -> Iterator[None]:
         if tree is None:
             raise
         raise leafcloud.LeafcloudError(f"tree {tree!r}: {error}") from error
-
-
-@contextmanager
-def _one_thread() -> Iterator[ThreadPoolExecutor]:
-    """Yield a pool of one thread that ends after the work submitted in the block. Do not wait for it."""
-    pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="leafcloud")
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False)
 
 
 def _prepared_said(prepared: Prepared, said: Said) -> Prepared:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import bpy
@@ -12,10 +12,10 @@ import leafcloud
 
 from ..mesh.baked_levels import EXTRAS
 from ..nodes.laws import NEVER
-from ..nodes.lod import LodSettings, add_lod_modifier
+from ..nodes.lod import LodSettings, add_lod_modifier, lod_group
 from ..plan.lod_range import LodRange, shows_trunk, trunk_range
 from ..plan.trunk_limits import MOST_CHANGE, trunk_limits
-from ..steps import Steps
+from ..steps import Steps, threads, waited
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
 from .leaves import later_leaf_object, leaf_object
@@ -23,8 +23,8 @@ from .mesh import read_own_randoms
 from .octahedral import octahedral_object
 from .rollback import removed_on_failure
 from .root import add_root, follow_distance, put_below
-from .sunlight import dim_in_cycles, light_share
-from .trunk import Trunk, TrunkView, simplified, unrolled, whole
+from .sunlight import dim_in_cycles, share_of_cross
+from .trunk import Kept, Trunk, TrunkView, simplified, trunks, unrolled
 
 NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
 """Levels without billboards."""
@@ -33,35 +33,58 @@ NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
 def build_levels(build: Build) -> Steps[tuple[bpy.types.Collection, list[BuiltLevel]]]:
     """Create all levels in a new collection that is not yet in any scene. Return the collection and the levels.
 
-    In steps: one for the mesh of each level, one for its modifiers.
+    In steps: one for the mesh of each level, one for its modifiers. Meanwhile other threads simplify the trunk, measure
+    the light of the cross impostor and encode the images.
 
     Meshes are in the tree's coordinates, the root above all objects has the tree's matrix. If the camera sees a single
     level and there are neither transitions nor pruning, only that level is shown. On failure everything created is
     removed.
     """
-    with removed_on_failure():
+    with removed_on_failure(), threads(1) as thread:
+        light, kept = thread.submit(share_of_cross, build), thread.submit(_kept_trunks(build))
         collection = bpy.data.collections.new(build.name)
         root = add_root(collection, build)
-        behind = build.chain.levels
-        following = [*behind[1:], None]
-        objects = []
-        for number, level in enumerate(behind, start=1):
-            objects.append(_object(level, following[number - 1], number, build))
+        objects = yield from _objects(build)
+        if build.follows_camera:
+            lod_group()  # Blender takes a fifth of a second for its nodes.
             yield
-        trunks = _trunks(build, [_triangles(obj) for obj in objects])
+        share = yield from waited(light)
+        if share is not None:
+            dim_in_cycles(objects[-1].data.materials[0], share)
+        made = trunks(f"{build.name}_trunk", (yield from waited(kept)))
         yield
-        levels = [_add_level(root, leaf_object(build), 0, trunks[0], build)]
-        yield
-        for number, (level, obj) in enumerate(zip(behind, objects, strict=True), start=1):
-            built = _add_level(root, obj, number, trunks[number], build)
-            if not isinstance(level, NO_CLOUDS):
-                for effect in build.charged():
-                    built = effect.add_to_cloud(built, level, build)
-            levels.append(built)
+        levels = yield from _levels(root, objects, made, build)
+        for effect in build.effects:
+            with build.costs.spent_on(effect.name):
+                effect.add_to_tree(collection, build)
             yield
-        for effect in build.charged():
-            effect.add_to_tree(collection, build)
+        yield from build.images.packed()
     return collection, levels
+
+
+def _objects(build: Build) -> Steps[list[bpy.types.Object]]:
+    """Create the objects of all levels, without modifiers, the leaves first."""
+    objects, behind = [leaf_object(build)], build.chain.levels
+    yield
+    for number, (level, following) in enumerate(zip(behind, [*behind[1:], None], strict=True), start=1):
+        objects.append(_object(level, following, number, build))
+        yield
+    return objects
+
+
+def _levels(
+    root: bpy.types.Object, objects: Sequence[bpy.types.Object], trunks: Sequence[Trunk], build: Build
+) -> Steps[list[BuiltLevel]]:
+    """Add trunks, which the last levels may lack, modifiers and the effects of the clouds."""
+    levels = []
+    for number, (level, obj) in enumerate(zip([None, *build.chain.levels], objects, strict=True)):
+        built = _add_level(root, obj, number, trunks[number] if number < len(trunks) else None, build)
+        if level is not None and not isinstance(level, NO_CLOUDS):
+            for effect in build.charged():
+                built = effect.add_to_cloud(built, level, build)
+        levels.append(built)
+        yield
+    return levels
 
 
 def _object(
@@ -72,53 +95,50 @@ def _object(
         return later_leaf_object(level, number, build)
     if isinstance(level, leafcloud.OctahedralLevel):
         return octahedral_object(level, number, build)
-    obj = cloud_object(level, None if isinstance(following, NO_CLOUDS) else following, number, build)
-    if level.method == "cross" and build.light is None:
-        with build.costs.spent_on("far_levels"):
-            before = None if number == 1 else build.chain.levels[number - 2]
-            assert not isinstance(before, leafcloud.OctahedralLevel), "an octahedral impostor is the last level"
-            leaves = build.foliage if before is None else before.foliage()
-            dim_in_cycles(obj.data.materials[0], light_share(level.foliage(), leaves, build))
-    return obj
+    return cloud_object(level, None if isinstance(following, NO_CLOUDS) else following, number, build)
 
 
-def _triangles(obj: bpy.types.Object) -> int:
-    """Return the number of triangles that the object's polygons divide into."""
-    return len(obj.data.loops) - 2 * len(obj.data.polygons)
+def _kept_trunks(build: Build) -> Callable[[], list[Kept]]:
+    """Return work that does not touch Blender: it finds the trunk of every level, the leaves first.
 
-
-def _trunks(build: Build, triangles: Sequence[int]) -> list[Trunk | None]:
-    """Return the trunk of every level, the leaves first. None for an impostor: its textures show the trunk.
-
-    `triangles`: those of each later level, without trunk.
+    Impostors get none: their textures show the trunk. A tree without trunk has an empty list.
     """
-    tree, costs, pixels = build.tree, build.costs, build.schedule.trunk_pixels
+    tree, pixels = build.tree, build.schedule.trunk_pixels
+    if tree.trunk is None:
+        return list
+    first = Kept(tree.trunk)
     near = [
         level
         for level in build.chain.levels
         if not isinstance(level, leafcloud.OctahedralLevel) and not shows_trunk(level)
     ]
-    impostors = [None] * (len(build.chain.levels) - len(near))
-    if tree.trunk is None:
-        return [None, *(None for _ in near), *impostors]
-    first = whole(f"{build.name}_trunk", tree.trunk)
     if not pixels:
-        return [first, *(first for _ in near), *impostors]
-    with costs.spent_on("trunk_levels"):
-        whole_tree = len(tree.leaves.triangles) + len(tree.trunk.triangles)
-        leaf_levels = len(build.leaf_levels)
-        limits = trunk_limits(triangles[leaf_levels : len(near)], whole_tree, build.schedule.triangles)
-        # Beside leaves only the picture limits the trunk.
-        limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
-        none = np.empty(0, np.uint32)
-        twigs = [none] * leaf_levels + (build.chain.twigs or [none] * len(build.chain.clouds))
-        changes = [MOST_CHANGE] * len(near)
-        if build.schedule.triangles is not None and leaf_levels < len(near):
-            changes[leaf_levels] = 1.0  # The wished number of triangles of the first cloud comes before the picture.
-        views = [TrunkView(*view) for view in zip(near, pixels, limits, twigs, changes, strict=False)]
-        coarser = simplified(first, unrolled(tree.trunk), tree.matrix, views)
-    costs.bytes["trunk_levels"] = sum({id(trunk): trunk.nbytes for trunk in coarser if trunk is not first}.values())
-    return [first, *coarser, *impostors]
+        return lambda: [first, *(first for _ in near)]
+    whole_tree = len(tree.leaves.triangles) + len(tree.trunk.triangles)
+    leaf_levels = len(build.leaf_levels)
+    limits = trunk_limits([level.triangles for level in near[leaf_levels:]], whole_tree, build.schedule.triangles)
+    # Beside leaves only the picture limits the trunk.
+    limits = (*[len(tree.trunk.triangles)] * leaf_levels, *limits)
+    none = np.empty(0, np.uint32)
+    twigs = [none] * leaf_levels + (build.chain.twigs or [none] * len(build.chain.clouds))
+    changes = [MOST_CHANGE] * len(near)
+    if build.schedule.triangles is not None and leaf_levels < len(near):
+        changes[leaf_levels] = 1.0  # The wished number of triangles of the first cloud comes before the picture.
+    views = [TrunkView(*view) for view in zip(near, pixels, limits, twigs, changes, strict=False)]
+    geometry = unrolled(tree.trunk)
+
+    def work() -> list[Kept]:
+        with build.costs.spent_on("trunk_levels"):
+            coarser = simplified(first, geometry, tree.matrix, views)
+        build.costs.bytes["trunk_levels"] = sum(each.nbytes for each in {*coarser} - {first})
+        return [first, *coarser]
+
+    return work
+
+
+def _triangles(obj: bpy.types.Object) -> int:
+    """Return the number of triangles that the object's polygons divide into."""
+    return len(obj.data.loops) - 2 * len(obj.data.polygons)
 
 
 def _add_level(
@@ -148,7 +168,8 @@ def _add_level(
     built = BuiltLevel(number, obj, trunk_object, _triangles(obj))
     if trunk is None:
         return built
-    return replace(built, trunk_triangles=trunk.triangles, trunk_change=trunk.change, trunk_corners=trunk.corners)
+    kept = trunk.kept
+    return replace(built, trunk_triangles=kept.triangles, trunk_change=kept.change, trunk_corners=kept.corners)
 
 
 def _lod_settings(lod_range: LodRange, build: Build, *, prunes: bool) -> LodSettings:

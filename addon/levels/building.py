@@ -20,7 +20,8 @@ from ..nodes.wind import WindSettings
 from ..plan.effect import Effect
 from ..plan.schedule import Schedule
 from ..scene.light import Light
-from .material import Page, atlas_image
+from .images import PackedImages
+from .material import Page
 
 
 @dataclass
@@ -77,6 +78,7 @@ class Build:
     light_strength: float = 1.0
     wind: WindSettings | None = None
     owners: tuple[int, ...] = ()
+    images: PackedImages = field(default_factory=PackedImages)
 
     @property
     def leaf_levels(self) -> list[leafcloud.LeafLevel]:
@@ -134,7 +136,7 @@ class Build:
         if pixels is None:
             return None
         self.costs.add_bytes(effect, own_bytes(level, pixels))
-        return atlas_image(name, pixels, data=data)
+        return self.images.add(name, pixels, data=data)
 
     def with_orm(self, effect: str, page: Page, level: leafcloud.Level) -> Page:
         """Return the page with occlusion, roughness and metallic, if no other effect has added them."""

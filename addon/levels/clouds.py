@@ -14,7 +14,7 @@ from ..nodes.laws import OWN_BILLBOARD
 from .baked_light import unlit_material
 from .building import Build, own_bytes
 from .filtering import show_shares
-from .material import Page, atlas_image, atlas_material
+from .material import Page, atlas_material
 from .mesh import PolygonFaces, create_mesh, polygon_faces, polygon_surface
 from .morphs import add_point_attribute
 from .shape import Shape, object_of, pruning_of, transition_of
@@ -66,7 +66,7 @@ def _page(name: str, level: leafcloud.Level, number: int, build: Build) -> Page:
     nbytes, shading = own_bytes(level, level.base_color), build.shading
     # Level 1 belongs to every bake, so its base color is charged to no effect.
     with build.costs.spent_on("far_levels", nbytes) if number > 1 else nullcontext():
-        image = atlas_image(name, level.base_color)
+        image = build.images.add(name, level.base_color)
     page = Page(image, roughness=shading.roughness, metallic=shading.metallic, specular=shading.specular, name=name)
     for effect in build.charged():
         page = effect.add_to_page(page, level, build)

@@ -23,7 +23,7 @@ from ..mesh.baked_levels import level_number
 from ..nodes.builder import Section
 from .building import Build
 from .fading import output_for
-from .material import atlas_image
+from .images import PackedImages
 
 _COPIED = {
     *("BSDF_PRINCIPLED", "BSDF_TRANSLUCENT", "BSDF_TRANSPARENT", "MIX_SHADER", "ADD_SHADER"),
@@ -38,8 +38,19 @@ _OPTIONS = (
 _Node: TypeAlias = bpy.types.Node
 
 
-_Images: TypeAlias = dict[tuple[bpy.types.Image, float], bpy.types.Image]
-"""Copies of leaf textures by the texture and the cutoff."""
+class _LeafTextures:
+    """Copies of leaf textures by the texture and the cutoff."""
+
+    def __init__(self, images: PackedImages) -> None:
+        self._images = images
+        self.copies: dict[tuple[bpy.types.Image, float], bpy.types.Image] = {}
+
+    def copy_of(self, image: bpy.types.Image, name: str, cutoff: float) -> bpy.types.Image:
+        """Return a copy with colors under its transparent texels. `name`: of the material."""
+        if (image, cutoff) not in self.copies:
+            pixels = leafcloud.fill_below(pixels_of(image, name), cutoff)
+            self.copies[image, cutoff] = self._images.add(f"{bpy.path.clean_name(image.name)}_filled", pixels)
+        return self.copies[image, cutoff]
 
 
 def let_filter(collection: bpy.types.Collection, build: Build) -> None:
@@ -47,16 +58,16 @@ def let_filter(collection: bpy.types.Collection, build: Build) -> None:
 
     Files, and other objects, use the artist's materials of the meshes. Pages are filtered when they are made.
     """
-    images: _Images = {}
+    textures = _LeafTextures(build.images)
     copies: dict[bpy.types.Material, bpy.types.Material | None] = {}
     objects = list(collection.all_objects)
     for slot in [slot for obj in objects for slot in _slots_of_leaves(obj, build)]:
         material = slot.material
         if material not in copies:
-            copies[material] = _filtered(material, images)
+            copies[material] = _filtered(material, textures)
         if copies[material] is not None:
             slot.link, slot.material = "OBJECT", copies[material]
-    for image in images.values():
+    for image in textures.copies.values():
         build.costs.add_bytes("filtering", 4 * math.prod(image.size))
     for material in [each for each in copies if each.users == 0]:
         bpy.data.materials.remove(material)  # A copy of this bake that fades: its filtered copy fades, too.
@@ -69,10 +80,10 @@ def _slots_of_leaves(obj: bpy.types.Object, build: Build) -> list[bpy.types.Mate
     return [slot for slot in obj.material_slots if slot.material is not None and slot.material.node_tree is not None]
 
 
-def _filtered(material: bpy.types.Material, images: _Images) -> bpy.types.Material | None:
+def _filtered(material: bpy.types.Material, textures: _LeafTextures) -> bpy.types.Material | None:
     """Return a copy that EEVEE may filter; None for a material that is not cut out, or not in a way that is known."""
     copy = material.copy()
-    if not show_shares(copy, images):
+    if not show_shares(copy, textures):
         bpy.data.materials.remove(copy)
         return None
     copy.name = f"{material.name}_filtered"
@@ -80,10 +91,10 @@ def _filtered(material: bpy.types.Material, images: _Images) -> bpy.types.Materi
     return copy
 
 
-def show_shares(material: bpy.types.Material, images: _Images | None = None) -> bool:
+def show_shares(material: bpy.types.Material, filled: _LeafTextures | None = None) -> bool:
     """Give EEVEE an output of its own, for which the nodes behind the cutoff are copied. Return whether that is done.
 
-    images: copies of leaf textures so far, for leaf materials; a new one is added. Pages need none.
+    filled: copies of leaf textures so far, for leaf materials; a new one is added. Pages need none.
     """
     found = _cutoff(material)
     if found is None:
@@ -92,7 +103,7 @@ def show_shares(material: bpy.types.Material, images: _Images | None = None) -> 
     tree = material.node_tree
     active = tree.nodes.active
     everywhere, output = tree.get_output_node("ALL"), output_for(tree, "EEVEE")
-    own = None if images is None else _leaf_texture(material)
+    own = None if filled is None else _leaf_texture(material)
     textures = [node for node in tree.nodes if node.type == "TEX_IMAGE" and own is not None and node.image == own]
     between = _between([step, *textures], output)
     if not _known(between):
@@ -103,8 +114,8 @@ def show_shares(material: bpy.types.Material, images: _Images | None = None) -> 
     section = Section(tree, "EEVEE: the share of a pixel", (step.location.x, step.location.y + 1400.0))
     copies = {node: _copied(section, node) for node in tree.nodes if node in between}
     for texture in between & set(textures):
-        assert images is not None, "pages have no textures to replace"
-        copies[texture].image = _filled(texture.image, material.name, cutoff, images)
+        assert filled is not None, "pages have no textures to replace"
+        copies[texture].image = filled.copy_of(texture.image, material.name, cutoff)
         active = copies[texture]  # Workbench filters, too.
     before = _copy_of(alpha, copies)
     # Half a texel's alpha stays at half of the pixel, whatever the cutoff.
@@ -142,14 +153,6 @@ def _leaf_texture(material: bpy.types.Material) -> bpy.types.Image | None:
     if color is None or alpha is None or color.image != alpha.image or surface.alpha_channel != "alpha":
         return None
     return color.image
-
-
-def _filled(image: bpy.types.Image, name: str, cutoff: float, images: _Images) -> bpy.types.Image:
-    """Return the copy of a leaf texture with colors under its transparent texels. `name`: of the material."""
-    if (image, cutoff) not in images:
-        pixels = leafcloud.fill_below(pixels_of(image, name), cutoff)
-        images[image, cutoff] = atlas_image(f"{bpy.path.clean_name(image.name)}_filled", pixels)
-    return images[image, cutoff]
 
 
 def _known(nodes: set[_Node]) -> bool:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
-
-import leafcloud
 
 from ..material.shading import USUAL_SPECULAR
 from ..material.surface import read_surface
@@ -51,28 +47,6 @@ class Page:
     specular: float = USUAL_SPECULAR
     """Specular IOR Level."""
     name: str = ""
-
-
-def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
-    """Create a packed PNG image from `pixels` (h, w, 4), row 0 on top.
-
-    They are sRGB with straight alpha; with `data` they are not colors. The core writes the PNG instead of Blender, so
-    that the same pixels give the same bytes in every Blender version.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{name}.png"
-        leafcloud.write_png(str(path), pixels)
-        image = bpy.data.images.load(str(path))
-        image.pack()
-    image.name = name
-    image.filepath_raw = f"//{name}.png"
-    for packed in image.packed_files:
-        packed.filepath = image.filepath_raw  # Otherwise it keeps the path of the temporary folder.
-    # Transparent texels hold dilated colors for filtering. They must not be multiplied by alpha.
-    image.alpha_mode = "CHANNEL_PACKED"
-    if data:
-        image.colorspace_settings.name = "Non-Color"
-    return image
 
 
 def atlas_material(name: str, page: Page, *, alpha_cutoff: float, double_sided: bool) -> bpy.types.Material:

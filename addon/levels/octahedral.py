@@ -25,7 +25,7 @@ from ..nodes.builder import Section
 from ..nodes.octahedral import OPEN, STEPS, transformed, view_group, views_group
 from .building import Build, BuiltLevel
 from .clouds import cloud_object
-from .material import atlas_image, hide_back_in_cycles
+from .material import hide_back_in_cycles
 
 COLOR_NODE, NORMAL_DEPTH_NODE = "Octahedral Color", "Octahedral Normal and Depth"
 """Names of the image nodes that hold the pages in the material of the cross impostor, for files."""
@@ -43,8 +43,8 @@ def octahedral_object(level: leafcloud.OctahedralLevel, number: int, build: Buil
     name = f"{build.name}_LOD{number}"
     with build.costs.spent_on("far_levels", level.color.nbytes + level.normal_depth.nbytes):
         pages = (
-            atlas_image(f"{name}_octahedral", level.color),
-            atlas_image(f"{name}_octahedral_normal", level.normal_depth, data=True),
+            build.images.add(f"{name}_octahedral", level.color),
+            build.images.add(f"{name}_octahedral_normal", level.normal_depth, data=True),
         )
     for image, held in zip(pages, (COLOR_NODE, NORMAL_DEPTH_NODE), strict=True):
         _image_node(plain.materials[0].node_tree, image, held)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mesh.baked_levels import EXTRAS, level_number
 from .building import Build
-from .material import Page, atlas_image, atlas_material
+from .material import Page, atlas_material
 from .mesh import create_mesh, polygon_faces, polygon_surface
 from .root import put_below, root_of
 
@@ -31,7 +31,8 @@ def add_shadow_proxy(collection: bpy.types.Collection, build: Build) -> None:
     if cutoff == 0.0:  # Shadow maps store no partial opacity, so cut out at half of the greatest alpha.
         cutoff = float(pixels[..., 3].max()) / 510.0
     pixels[..., :3] = 255
-    material = atlas_material(name, Page(atlas_image(name, pixels)), alpha_cutoff=cutoff, double_sided=True)
+    page = Page(build.images.add(name, pixels))
+    material = atlas_material(name, page, alpha_cutoff=cutoff, double_sided=True)
     sizes, keys = level.polygon_sizes, np.zeros(level.triangles, np.int32)
     faces = polygon_faces(sizes, keys, np.arange(len(sizes)), mirrored=build.foliage.mirrored)
     mesh = create_mesh(name, polygon_surface(level.corners, level.uvs, faces), [material])

@@ -48,17 +48,30 @@ def dim_in_cycles(material: bpy.types.Material, share: float) -> None:
     everywhere.is_active_output = True
 
 
-def light_share(level: leafcloud.Foliage, before: leafcloud.Foliage, build: Build) -> float:
-    """Return the light of suns on the level before over that on a level: the mean over suns and views all around."""
-    ours, theirs = (sum(_lit(each, build)) for each in (level, before))
+def share_of_cross(build: Build) -> float | None:
+    """Return the `light_share` of the cross impostor; None if there is none, or with baked light."""
+    *before, last = build.chain.levels
+    if last.method != "cross" or build.light is not None:
+        return None
+    leaves = before[-1].foliage() if before else build.foliage
+    with build.costs.spent_on("far_levels"):
+        return light_share(last.foliage(), leaves, build.foliage)
+
+
+def light_share(level: leafcloud.Foliage, before: leafcloud.Foliage, tree: leafcloud.Foliage) -> float:
+    """Return the light of suns on the level before over that on a level: the mean over suns and views all around.
+
+    `tree`: the leaves, in the middle of the pictures.
+    """
+    ours, theirs = (sum(_lit(each, tree)) for each in (level, before))
     return min(max(theirs / ours, _DARKEST), 1.0) if ours > 0.0 else 1.0
 
 
-def _lit(foliage: leafcloud.Foliage, build: Build) -> Iterator[float]:
+def _lit(foliage: leafcloud.Foliage, tree: leafcloud.Foliage) -> Iterator[float]:
     """Yield the light of each sun on the foliage, over that of its colors alone."""
     for number, sun in enumerate(_directions(-1.0)):
         view = list(_directions(-0.2))[5 * number % _SUNS]
-        centre, radius = build.foliage.world_centre.tolist(), build.foliage.radius
+        centre, radius = tree.world_centre.tolist(), tree.radius
         drawn = partial(leafcloud.render, [foliage], view, _SIDE, centre=centre, radius=radius, samples=_SAMPLES)
         flat, lit = _light(drawn()), _light(drawn(sun=sun))
         yield lit / flat - leafcloud.SKY if flat > 0.0 else 0.0

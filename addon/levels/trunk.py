@@ -1,4 +1,7 @@
-"""Trunk meshes of the levels. LOD 0 has the original trunk. Later levels have simplified ones if asked for."""
+"""Trunks of the levels. LOD 0 has the original trunk. Later levels have simplified ones if asked for.
+
+`simplified` does not touch Blender, so it runs on another thread; `trunks` makes the meshes.
+"""
 
 from __future__ import annotations
 
@@ -20,21 +23,37 @@ from .material import layer_names
 from .mesh import create_mesh, split_vertices, triangle_surface
 
 
-@dataclass(frozen=True)
-class Trunk:
-    """The trunk of one level.
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What a level keeps of the trunk.
 
-    name: common to the trunks of all levels. mesh: None if no triangles are kept. change: fraction of the level's
-    picture, leaves and trunk, that differs from the input's. nbytes: size of the mesh data.
+    change: fraction of the level's picture, leaves and trunk, that differs from the input's.
     corners: (n, 3) indices of the kept input corners, counted through all triangles; None keeps all.
     """
 
-    name: str
-    mesh: bpy.types.Mesh | None
-    triangles: int
-    change: float
-    nbytes: int
+    geometry: Geometry
+    change: float = 0.0
     corners: NDArray[np.integer[Any]] | None = None
+
+    @property
+    def triangles(self) -> int:
+        return len(self.geometry.triangles)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the used vertices and of the data per corner and triangle."""
+        own = self.geometry
+        used = len(np.unique(own.triangles)) * own.positions.itemsize * 3
+        arrays = (own.triangles, own.uvs, own.normals, own.colors, own.material_ids)
+        return used + sum(array.nbytes for array in arrays if array is not None)
+
+
+@dataclass(frozen=True)
+class Trunk:
+    """The trunk of one level. mesh: None if no triangles are kept."""
+
+    mesh: bpy.types.Mesh | None
+    kept: Kept
 
 
 @dataclass(frozen=True)
@@ -62,9 +81,17 @@ def geometry_mesh(name: str, geometry: Geometry) -> bpy.types.Mesh:
     return create_mesh(name, surface, geometry.materials, layer_names(geometry.materials))
 
 
-def whole(name: str, geometry: Geometry) -> Trunk:
-    """Return the unsimplified trunk."""
-    return Trunk(name, geometry_mesh(name, geometry), len(geometry.triangles), 0.0, _nbytes(geometry))
+def trunks(name: str, kept: Sequence[Kept]) -> list[Trunk]:
+    """Return a trunk for each level, the first unsimplified. A mesh is named after its first level.
+
+    Levels that keep the same share one mesh.
+    """
+    made: dict[Kept, Trunk] = {}
+    for number, each in enumerate(kept):
+        if each not in made:
+            own = f"{name}_{number}" if number else name
+            made[each] = Trunk(geometry_mesh(own, each.geometry) if each.triangles else None, each)
+    return [made[each] for each in kept]
 
 
 def unrolled(geometry: Geometry) -> Geometry:
@@ -79,19 +106,17 @@ def unrolled(geometry: Geometry) -> Geometry:
     return replace(geometry, uvs=uvs)
 
 
-def simplified(
-    first: Trunk, geometry: Geometry, matrix: NDArray[np.float64], views: Sequence[TrunkView]
-) -> list[Trunk]:
-    """Return one simplified trunk per view, from level 1 on. `first`: the unsimplified trunk. `geometry`: the same,
-    `unrolled`. `matrix`: (4, 4) from the geometry to the world.
+def simplified(first: Kept, geometry: Geometry, matrix: NDArray[np.float64], views: Sequence[TrunkView]) -> list[Kept]:
+    """Return what each view keeps, from level 1 on. `first`: all. `geometry`: that of `first`, `unrolled`.
+    `matrix`: (4, 4) from the geometry to the world.
 
     Each trunk is made from `geometry`, so changes do not add up. If one has no fewer triangles than the one before, or
     that one has few beside the level's leaves, that one is used again, unless the cloud shows more twigs than the one
-    before. A new mesh is named after `first` and its level.
+    before.
     """
     result, twigs = [first], 0
     positions = world_positions(geometry, matrix)
-    for number, view in enumerate(views, start=1):
+    for view in views:
         before, same = result[-1], len(view.twigs) == twigs
         most = min(view.limit, WHOLE_SHARE * view.level.triangles)
         if same and before.triangles <= most:
@@ -103,8 +128,7 @@ def simplified(
             result.append(before)
             continue
         left = outward(gathered(geometry, corners), geometry, corners)
-        mesh = geometry_mesh(f"{first.name}_{number}", left) if len(corners) else None
-        result.append(Trunk(first.name, mesh, len(corners), change, _nbytes(left), corners))
+        result.append(Kept(left, change, corners))
         twigs = len(view.twigs)
     return result[1:]
 
@@ -151,13 +175,6 @@ def _face_normals(geometry: Geometry) -> NDArray[np.float64]:
 def per_corner(values: NDArray[np.float32], corners: NDArray[np.integer[Any]]) -> NDArray[np.float32]:
     """Return `values` (t, 3, …) at corners (n, 3), counted through all triangles, as (n, 3, …)."""
     return values.reshape(-1, values.shape[-1])[corners]
-
-
-def _nbytes(geometry: Geometry) -> int:
-    """Return the bytes of the used vertices and of the data per corner and triangle."""
-    used = len(np.unique(geometry.triangles)) * geometry.positions.itemsize * 3
-    arrays = (geometry.triangles, geometry.uvs, geometry.normals, geometry.colors, geometry.material_ids)
-    return used + sum(array.nbytes for array in arrays if array is not None)
 
 
 def _simplified(

@@ -12,7 +12,7 @@ import bpy
 import numpy as np
 import pytest
 from command_line import bake as bake_files
-from node_trees import new_image, new_material, texture_node
+from node_trees import atlas_image, new_image, new_material, texture_node
 from numpy.typing import NDArray
 from renders import render
 from scenes import add_mesh, bake, read
@@ -23,7 +23,7 @@ from addon.export.glb_file import Glb
 from addon.export.gltf import export_level
 from addon.export.ktx2 import Ktx2Textures
 from addon.levels.leaf_map import ID_NODE, SEASON_NODE, UV_NODE, add_leaf_map, leaf_map_group
-from addon.levels.material import Page, atlas_image, atlas_material
+from addon.levels.material import Page, atlas_material
 from addon.material.flatten import emitting
 from addon.settings.bake import BakeSettings
 

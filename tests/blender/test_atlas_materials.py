@@ -5,8 +5,9 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
+from node_trees import atlas_image
 
-from addon.levels.material import BENT_NORMAL_NODE, Page, atlas_image, atlas_material
+from addon.levels.material import BENT_NORMAL_NODE, Page, atlas_material
 
 pytestmark = pytest.mark.version
 

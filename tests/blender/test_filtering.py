@@ -9,14 +9,16 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from node_trees import new_material
+from node_trees import atlas_image, new_material
 from scenes import add_mesh
 
 from addon.effects.filtering import EFFECT
 from addon.levels.building import Costs
 from addon.levels.filtering import show_shares
-from addon.levels.material import PAGE_NODE, Page, atlas_image, atlas_material
+from addon.levels.images import PackedImages
+from addon.levels.material import PAGE_NODE, Page, atlas_material
 from addon.mesh.baked_levels import EXTRAS
+from addon.steps import all_steps
 
 pytestmark = pytest.mark.version
 
@@ -50,8 +52,9 @@ def filtered(material: bpy.types.Material, level: int) -> tuple[bpy.types.Object
     obj[EXTRAS] = {"level": level}
     collection = bpy.data.collections.new("tree")
     collection.objects.link(obj)
-    build: Any = SimpleNamespace(first_cloud=1, costs=Costs())
+    build: Any = SimpleNamespace(first_cloud=1, costs=Costs(), images=PackedImages())
     EFFECT.add_to_tree(collection, build)
+    all_steps(build.images.packed())
     return obj, build.costs
 
 

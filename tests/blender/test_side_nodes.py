@@ -10,11 +10,12 @@ import bpy
 import numpy as np
 import pytest
 from lod_scenes import evaluate
+from node_trees import atlas_image
 from numpy.typing import NDArray
 from renders import render
 from scenes import add_mesh
 
-from addon.levels.material import Page, atlas_image, atlas_material
+from addon.levels.material import Page, atlas_material
 from addon.levels.mesh import polygon_faces
 from addon.levels.sides import add_sides, back_polygons, two_sided_material
 from addon.nodes.sides import add_side_modifier

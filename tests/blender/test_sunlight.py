@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 from node_trees import new_image
@@ -25,21 +22,17 @@ def tiers(*heights: float) -> leafcloud.Foliage:
     return leafcloud.Foliage(points.astype(np.float32), faces.astype(np.int32))
 
 
-def build_of(foliage: leafcloud.Foliage) -> Any:
-    return SimpleNamespace(foliage=foliage)
-
-
 def test_a_level_like_the_one_before_is_not_dimmed() -> None:
     crown = tiers(0.0, 0.5)
-    assert light_share(crown, crown, build_of(crown)) == pytest.approx(1.0)
+    assert light_share(crown, crown, crown) == pytest.approx(1.0)
 
 
 def test_a_level_without_shade_is_dimmed_to_the_shaded_one() -> None:
     """Each of eight near squares is in the shade of the others, but from the sides; a single one never is."""
     crown = tiers(*np.linspace(-0.2, 0.2, 8))
-    share = light_share(tiers(0.0), crown, build_of(crown))
+    share = light_share(tiers(0.0), crown, crown)
     assert 0.5 <= share < 0.95
-    assert light_share(crown, tiers(0.0), build_of(crown)) == 1.0, "nothing is made brighter"
+    assert light_share(crown, tiers(0.0), crown) == 1.0, "nothing is made brighter"
 
 
 @pytest.mark.parametrize("double_sided", [True, False])

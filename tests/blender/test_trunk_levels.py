@@ -20,7 +20,7 @@ from addon.bake.drawing import level_trunks
 from addon.bake.values import Baked
 from addon.export import preview
 from addon.geometry import Geometry
-from addon.levels.trunk import Trunk, TrunkView, gathered, outward, simplified, unrolled, whole
+from addon.levels.trunk import Kept, TrunkView, gathered, outward, simplified, trunks, unrolled
 from addon.plan.costs import with_costs
 from addon.plan.effects import is_on, plan_effects
 from addon.plan.facts import Facts
@@ -256,10 +256,10 @@ def views(*pairs: tuple[float, int], triangles: int = 0) -> list[TrunkView]:
 
 def test_a_trunk_of_few_triangles_beside_its_leaves_stays_whole() -> None:
     trunk = geometry()
-    first = whole("bark", trunk)
+    first = Kept(trunk)
     assert first.triangles == 384
 
-    def left(limit: int, leaves: int) -> Trunk:
+    def left(limit: int, leaves: int) -> Kept:
         [found] = simplified(first, trunk, np.eye(4), views((0.2, limit), triangles=leaves))
         return found
 
@@ -270,7 +270,7 @@ def test_a_trunk_of_few_triangles_beside_its_leaves_stays_whole() -> None:
 
 def test_a_trunk_keeps_more_triangles_than_its_number_where_the_picture_needs_them() -> None:
     trunk = geometry()
-    first = whole("bark", trunk)
+    first = Kept(trunk)
     [few] = simplified(first, trunk, np.eye(4), views((0.01, 8)))
     [enough] = simplified(first, trunk, np.eye(4), [replace(each, most_change=0.05) for each in views((0.01, 8))])
     assert few.triangles <= 8 < enough.triangles < first.triangles
@@ -282,23 +282,28 @@ def test_levels_never_have_more_triangles_than_the_one_before() -> None:
     """A scale of 2 gives the tube a radius of 2, because pixels are lengths in world space."""
     matrix = np.diag([2.0, 2.0, 2.0, 1.0])
     trunk = geometry()
-    first = whole("bark", trunk)
+    first = Kept(trunk)
     fine, again, coarse, none, nothing = simplified(
         first, trunk, matrix, views((0.01, 200), (0.01, 200), (1.0, 20), (1.0, 0), (1.0, 60))
     )
     assert again is fine, "what is not fewer is not made twice"
     assert 200 >= fine.triangles > coarse.triangles > 0 == none.triangles
     assert coarse.triangles <= 20
-    assert none.mesh is None
     assert nothing is none
-    assert [fine.mesh.name, coarse.mesh.name] == ["bark_1", "bark_3"]
-    for left in (fine, coarse):
+    made = trunks("bark", [first, fine, again, coarse, none])
+    assert [None if each.mesh is None else each.mesh.name for each in made] == [
+        *("bark", "bark_1", "bark_1", "bark_3"),
+        None,
+    ]
+    for left, trunk in ((fine, made[1]), (coarse, made[3])):
         assert left.change < 0.2
-        assert len(left.mesh.polygons) == left.triangles
-        assert [slot.name for slot in left.mesh.materials] == ["bark"]
-        places = np.array([tuple(vertex.co) for vertex in left.mesh.vertices])
-        uvs = np.array([tuple(each.uv) for each in left.mesh.uv_layers.active.data])
-        corners = places[[loop.vertex_index for loop in left.mesh.loops]]
+        mesh = trunk.mesh
+        assert mesh is not None
+        assert len(mesh.polygons) == left.triangles
+        assert [slot.name for slot in mesh.materials] == ["bark"]
+        places = np.array([tuple(vertex.co) for vertex in mesh.vertices])
+        uvs = np.array([tuple(each.uv) for each in mesh.uv_layers.active.data])
+        corners = places[[loop.vertex_index for loop in mesh.loops]]
         np.testing.assert_array_equal(uvs, corners[:, 1:].astype(np.float32))
 
 
@@ -328,11 +333,12 @@ def ringed(bark: bpy.types.Material) -> Geometry:
 @pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_bark_repeats_as_often_on_a_simplified_stem(scale: float) -> None:
     stem = ringed(bark("REPEAT", scale))
-    [left] = simplified(whole("bark", stem), unrolled(stem), np.eye(4), views((0.2, 40)))
-    assert left.mesh is not None
+    [left] = simplified(Kept(stem), unrolled(stem), np.eye(4), views((0.2, 40)))
     assert left.triangles <= 40 < len(stem.triangles)
-    for loop, uv in zip(left.mesh.loops, left.mesh.uv_layers.active.data, strict=True):
-        assert uv.uv.y == left.mesh.vertices[loop.vertex_index].co.z / 8.0 * 12.0, "a repeat for each ring"
+    mesh = trunks("bark", [left])[0].mesh
+    assert mesh is not None
+    for loop, uv in zip(mesh.loops, mesh.uv_layers.active.data, strict=True):
+        assert uv.uv.y == mesh.vertices[loop.vertex_index].co.z / 8.0 * 12.0, "a repeat for each ring"
 
 
 @pytest.mark.parametrize("bark_of", [("CLIP", 1.0), ("EXTEND", 1.0), ("MIRROR", 1.0), ("REPEAT", 0.3)])

@@ -11,12 +11,13 @@ import pytest
 from browser import ask
 from laws import KNOTS, drawn_share, kept, trend
 from lod_scenes import FOUR, add_camera, build, evaluate, many_leaves, place, points_of
+from node_trees import atlas_image
 from numpy.typing import NDArray
 from preview_pictures import PAGE, PATIENCE, attributes_of, numbers, shader
 from scenes import add_mesh
 
 from addon.levels.fading import add_fade
-from addon.levels.material import Page, atlas_image, atlas_material
+from addon.levels.material import Page, atlas_material
 from addon.levels.prune_tables import area_shares
 from addon.mesh.baked_levels import EXTRAS
 from addon.nodes.lod import LodSettings, add_lod_modifier

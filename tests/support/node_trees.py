@@ -7,6 +7,10 @@ from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
+
+from addon.levels.images import PackedImages
+from addon.steps import all_steps
 
 
 def new_material() -> tuple[bpy.types.Material, bpy.types.Node, Any]:
@@ -32,6 +36,14 @@ def new_image(
     image.colorspace_settings.name = space
     image.alpha_mode = alpha_mode
     image.pixels.foreach_set(values.ravel())
+    return image
+
+
+def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
+    """Create a packed image as levels have them."""
+    images = PackedImages()
+    image = images.add(name, pixels, data=data)
+    all_steps(images.packed())
     return image
 
 
