@@ -28,6 +28,11 @@ def all_steps(steps: Steps[_T]) -> _T:
             return end.value
 
 
+def no_steps() -> Steps[None]:
+    """Do nothing."""
+    yield from ()
+
+
 @contextmanager
 def threads(count: int) -> Iterator[ThreadPoolExecutor]:
     """Yield a pool of threads that end after the work submitted in the block. Do not wait for them."""

@@ -152,8 +152,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     )
 
 
-def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
-    """Start the core's job for a chain of levels."""
+def start(prepared: Prepared, *, draft: bool = False) -> leafcloud.Job[leafcloud.Chain]:
+    """Start the core's job for a chain of levels. A `draft` is measured in few views."""
     settings = prepared.settings
     return leafcloud.start_chain(
         prepared.foliage,
@@ -166,6 +166,7 @@ def start(prepared: Prepared) -> leafcloud.Job[leafcloud.Chain]:
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
+        draft=draft,
         **core_wishes(settings, level_1_form(prepared), twigs=clouds_may_show_twigs(prepared)),
         last=last_form(prepared),
         **chain_options(settings, prepared.facts, prepared.effects),

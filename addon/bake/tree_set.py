@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import bpy
@@ -74,9 +74,12 @@ def camera_notes(planned: Iterable[Planned | Prepared]) -> tuple[CameraNote, ...
     return tuple(dict.fromkeys(note for note in notes if note is not None))
 
 
-def start_tree_set(prepared: Mapping[str, Prepared]) -> ChainsJob:
-    """Start the core's jobs. The trees run one after the other, because each uses all processors."""
-    return ChainsJob(prepared)
+def start_tree_set(prepared: Mapping[str, Prepared], drafts: Mapping[str, Prepared] | None = None) -> ChainsJob:
+    """Start the core's jobs, with `drafts` of the same trees first.
+
+    The trees run one after the other, because each uses all processors.
+    """
+    return ChainsJob(prepared, drafts or {})
 
 
 def finish_tree_set(
@@ -127,10 +130,13 @@ class ChainsJob:
     """Job for the chains of a tree set, in order, with the interface of `leafcloud.Job`. Several trees share pages.
 
     Works on a thread of its own, which never touches Blender.
+
+    drafts: chains of the drafts; empty if one of them could not be made, None as long as they are unknown.
     """
 
-    def __init__(self, prepared: Mapping[str, Prepared]) -> None:
-        self._prepared = prepared
+    def __init__(self, prepared: Mapping[str, Prepared], drafts: Mapping[str, Prepared]) -> None:
+        self._prepared, self._drafted = prepared, drafts
+        self.drafts: list[leafcloud.Chain] | None = None
         self._finished = 0
         self._cancelled = False
         self._job: leafcloud.Job[leafcloud.Chain] | None = None
@@ -167,19 +173,26 @@ class ChainsJob:
         return self._result.result(timeout)
 
     def _work(self) -> list[leafcloud.Chain]:
+        with suppress(leafcloud.LeafcloudError):  # Such as a page too small for a draft. The bake tells its own errors.
+            self.drafts = [self._chain(each, draft=True) for each in self._drafted.values()]
+        self.drafts = self.drafts or []
         chains = []
         for name, each in self._prepared.items():
             with _named(name if len(self._prepared) > 1 else None):
-                self._job = start(each)
-                if self._cancelled:  # `cancel` was called between two jobs.
-                    self._job.cancel()
-                chains.append(self._job.result())
-                _measure(chains[-1].levels)
+                chains.append(self._chain(each))
             self._finished += 1
         shared = chains if len(chains) == 1 else leafcloud.share_pages(chains)
         if self._cancelled:
             raise leafcloud.CancelledError("cancelled")
         return shared
+
+    def _chain(self, prepared: Prepared, *, draft: bool = False) -> leafcloud.Chain:
+        self._job = start(prepared, draft=draft)
+        if self._cancelled:  # `cancel` was called between two jobs.
+            self._job.cancel()
+        chain = self._job.result()
+        _measure(chain.levels)
+        return chain
 
 
 def _measure(levels: Sequence[leafcloud.AnyLevel]) -> None:

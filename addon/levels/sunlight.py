@@ -50,12 +50,12 @@ def dim_in_cycles(material: bpy.types.Material, share: float) -> None:
 
 def share_of_cross(build: Build) -> float | None:
     """Return the `light_share` of the cross impostor; None if there is none, or with baked light."""
-    *before, last = build.chain.levels
-    if last.method != "cross" or build.light is not None:
+    foliages = [level.foliage for level in build.chain.levels if not isinstance(level, leafcloud.OctahedralLevel)]
+    if build.chain.levels[-1].method != "cross" or build.light is not None:
         return None
-    leaves = before[-1].foliage() if before else build.foliage
+    leaves = foliages[-2]() if len(foliages) > 1 else build.foliage
     with build.costs.spent_on("far_levels"):
-        return light_share(last.foliage(), leaves, build.foliage)
+        return light_share(foliages[-1](), leaves, build.foliage)
 
 
 def light_share(level: leafcloud.Foliage, before: leafcloud.Foliage, tree: leafcloud.Foliage) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -9,10 +10,10 @@ import bpy
 
 import leafcloud
 
-from ..bake.job import POLL_SECONDS, Job, wait
+from ..bake.job import Job, wait
 from ..errors import SceneError
 from ..settings.setting import SettingsError
-from ..steps import Steps, all_steps
+from ..steps import Steps, all_steps, no_steps
 from .progress import show
 from .properties import with_labels
 from .viewport import is_previewed
@@ -29,7 +30,10 @@ TAB = "Leafcloud"
 running: list[Job[Any]] = []
 
 STEP_SECONDS = 0.01
-"""Pause between two steps after a job, in which the interface draws."""
+"""Pause between two steps, in which the interface draws."""
+
+CHECK_SECONDS = 0.3
+"""Pause between two looks for changed settings."""
 
 BUSY = "A bake or a measurement is running"
 """Why an operator cannot start."""
@@ -103,19 +107,32 @@ class JobOperator:
 
     The subclass defines `begin`, which reads the scene and starts a job, and `end`, which uses the result in steps.
     Either may raise one of `REFUSALS`, and must then leave the scene unchanged; `end` also if it is closed between two
-    steps.
+    steps. It may define `meanwhile`, steps during the job, which are closed at the end, and `is_outdated`: whether the
+    job should begin anew.
     """
+
+    in_window = False
+    """Whether a person sees the interface during the job."""
+    _steps: Steps[set[str]] | None = None
+    _timer: bpy.types.Timer | None = None
+    _checked = 0.0
 
     if TYPE_CHECKING:
         begin: Callable[[bpy.types.Context], Job[Any]]
         end: Callable[[bpy.types.Context, Any], Steps[set[str]]]
         report: Callable[[set[str], str], None]
-        _steps: Steps[set[str]] | None
-        _timer: bpy.types.Timer | None
+        _meanwhile: Steps[None]
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return can_begin(cls, context)
+
+    def meanwhile(self, context: bpy.types.Context, job: Any, before: Steps[None]) -> Steps[None]:
+        """Return steps during `job`, on the main thread. Close `before`, those of an outdated job."""
+        return before
+
+    def is_outdated(self, context: bpy.types.Context) -> bool:
+        return False
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run the job to its end, blocking the interface."""
@@ -131,12 +148,13 @@ class JobOperator:
         """Run the job modally, without blocking the interface. Without an interface, run `execute`."""
         if bpy.app.background:
             return self.execute(context)
+        self.in_window = True
         try:
             self._start(context)
         except REFUSALS as error:
             return refuse(self, error)
         self._show(context)
-        self._add_timer(context, POLL_SECONDS)
+        self._add_timer(context, STEP_SECONDS)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -144,8 +162,7 @@ class JobOperator:
         if event.type == "ESC":
             self._job.cancel()
             if self._steps is None:
-                self._add_timer(context, STEP_SECONDS)  # The job ends soon.
-                return {"RUNNING_MODAL"}
+                return {"RUNNING_MODAL"}  # The job ends soon.
             self.cancel(context)
             self.report({"INFO"}, "Cancelled")
             return {"CANCELLED"}
@@ -153,19 +170,31 @@ class JobOperator:
             passes = event.type in _NAVIGATION or (event.type == "LEFTMOUSE" and is_over_tab(context.screen, event))
             return {"PASS_THROUGH"} if passes else {"RUNNING_MODAL"}
         self._show(context)
-        if not self._job.done:
-            return {"RUNNING_MODAL"}
-        done = self._step(context)
+        done = self._step(context) if self._job.done else self._go_on(context)
         if done is not None:
             self._stop(context)
         return done or {"RUNNING_MODAL"}
+
+    def _go_on(self, context: bpy.types.Context) -> set[str] | None:
+        """Do a step during the job, or begin it anew. Return the operator's result if it cannot begin."""
+        try:
+            now = time.monotonic()
+            if now - self._checked > CHECK_SECONDS:
+                self._checked = now
+                if self.is_outdated(context):
+                    self._job.cancel()
+                    show(context, "", 0.0)
+                    self._start(context)
+            next(self._meanwhile, None)
+        except REFUSALS as error:
+            return refuse(self, error)
+        return None
 
     def _step(self, context: bpy.types.Context) -> set[str] | None:
         """Do the next step after the job. Return the operator's result after the last one, or after an error."""
         try:
             if self._steps is None:
                 self._steps = self.end(context, self._job.result())
-                self._add_timer(context, STEP_SECONDS)
             next(self._steps)
         except StopIteration as end:
             return set(end.value)
@@ -186,7 +215,12 @@ class JobOperator:
             self._steps.close()
         self._stop(context)
 
+    def end_meanwhile(self) -> None:
+        """Close the steps during the job, which undo their changes."""
+        self._meanwhile.close()
+
     def _stop(self, context: bpy.types.Context) -> None:
+        self.end_meanwhile()
         context.window_manager.event_timer_remove(self._timer)
         running.clear()
         show(context, "", 0.0)
@@ -205,6 +239,6 @@ class JobOperator:
         self._timer = manager.event_timer_add(seconds, window=context.window)
 
     def _start(self, context: bpy.types.Context) -> None:
-        self._steps = self._timer = None
         self._job = self.begin(context)
         running.append(self._job)
+        self._meanwhile = self.meanwhile(context, self._job, getattr(self, "_meanwhile", no_steps()))

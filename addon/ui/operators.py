@@ -21,23 +21,23 @@ from ..bake.tree_set import (
     prepare_tree_set,
     start_tree_set,
 )
-from ..bake.values import TreeSet
 from ..errors import SceneError
 from ..export.files import write
 from ..export.staging import Staging
 from ..levels.earlier import levels_of, name_before, replaced
 from ..levels.results import keep_warnings
 from ..levels.rollback import removed_on_failure
-from ..levels.root import root_of
 from ..mesh.baked_levels import remember
 from ..plan.effects import joint_effects
+from ..settings.setting import SettingsError
 from ..steps import Steps
+from .draft import draft_of, drawn_draft, is_draft
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse
 from .measured import predicted, tell
 from .preferences import preference
 from .progress import show
 from .properties import bake_settings, show_plan, with_labels
-from .selection import select_only, selected_trees
+from .selection import parts_of, select_only, selected_trees
 from .viewport import draw_new_levels
 
 
@@ -81,11 +81,24 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         if self.viewer:
             settings.viewer = self.viewer
         self._directory = output_folder(settings.directory)
-        wanted = bake_settings(settings)
+        self._wanted = self._seen = bake_settings(settings)
+        layer = layer_of(context.scene)
         with selected_trees(context) as trees:
-            prepared = prepare_tree_set(trees, wanted, layer_of(context.scene), with_labels)
+            prepared = prepare_tree_set(trees, self._wanted, layer, with_labels)
+            has_draft = self.in_window and self._wanted.chain != "pruning"
+            self._drafted = prepare_tree_set(trees, draft_of(self._wanted), None) if has_draft else {}
         self._prepared = {name: predicted(each) for name, each in prepared.items()}
-        return start_tree_set(self._prepared)
+        return start_tree_set(self._prepared, self._drafted)
+
+    def meanwhile(self, context: bpy.types.Context, job: ChainsJob, before: Steps[None]) -> Steps[None]:
+        return drawn_draft(context, self._drafted, job, before)
+
+    def is_outdated(self, context: bpy.types.Context) -> bool:
+        try:
+            seen, self._seen = self._seen, bake_settings(context.scene.leafcloud)
+        except SettingsError:
+            return False  # It is being typed.
+        return self._wanted != self._seen == seen
 
     def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> Steps[set[str]]:
         """Replace the sources in the scene by the levels, and write files if a folder is given.
@@ -93,7 +106,7 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         The new levels replace those of an earlier bake of the same sources.
         """
         scene, sources = context.scene, [obj for each in self._prepared.values() for obj in each.tree.sources]
-        earlier = levels_of(scene, sources)
+        earlier = [each for each in levels_of(scene, sources) if not is_draft(each)]
         before = name_before(earlier, sources)
         with replaced(earlier), removed_on_failure():
             name = before or free_name(file_name(_tree_set_name(list(self._prepared))))
@@ -112,10 +125,11 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         for tree in tree_set.trees:
             tell(tree)
         yield
+        self.end_meanwhile()
         for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True
-        select_only(context, _parts(tree_set))
+        select_only(context, parts_of(tree_set))
         draw_new_levels(context.view_layer)
         for tree in tree_set.trees:
             keep_warnings(tree.collection, map(with_labels, tree.prepared.warnings))
@@ -154,12 +168,6 @@ def output_folder(directory: str) -> Path | None:
         raise SceneError(
             f"`out` is {str(folder)!r}, which cannot be written ({error.strerror or error}): choose another folder"
         ) from error
-
-
-def _parts(tree_set: TreeSet) -> list[bpy.types.Object]:
-    """Return the trees' roots, then all objects below them: an artist duplicates a tree as a whole."""
-    roots = [root for tree in tree_set.trees if (root := root_of(tree.collection)) is not None]
-    return [*roots, *(obj for root in roots for obj in root.children_recursive)]
 
 
 def _tree_set_name(trees: Sequence[str]) -> str:

@@ -7,8 +7,10 @@ from contextlib import contextmanager
 
 import bpy
 
+from ..bake.values import TreeSet
 from ..errors import SceneError
 from ..levels.earlier import levels_of
+from ..levels.root import root_of
 from ..mesh.baked_levels import is_placed_tree, is_source, record_of
 from ..mesh.extract import Tree, extract
 from ..mesh.trees import extract_trees, grouped
@@ -37,7 +39,7 @@ def trees_of(
     settings = context.scene.leafcloud
     members = (obj for collection in levels_of(context.scene, sources) for obj in collection.all_objects)
     levels = [obj for obj in members if record_of(obj) is not None]
-    with _shown_instead(context.view_layer, sources, levels):
+    with shown_instead(context.view_layer, sources, levels):
         depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
         if division == "one":
             tree = extract(depsgraph, sources, leaf_names=names)
@@ -79,6 +81,12 @@ def select_only(context: bpy.types.Context, objects: Sequence[bpy.types.Object])
     context.view_layer.objects.active = objects[0]
 
 
+def parts_of(tree_set: TreeSet) -> list[bpy.types.Object]:
+    """Return the trees' roots, then all objects below them: an artist duplicates a tree as a whole."""
+    roots = [root for tree in tree_set.trees if (root := root_of(tree.collection)) is not None]
+    return [*roots, *(obj for root in roots for obj in root.children_recursive)]
+
+
 def with_children(context: bpy.types.Context) -> list[bpy.types.Object]:
     """Return the selected objects, and after each empty the objects below it: they are the tree that it stands for.
 
@@ -101,7 +109,7 @@ def with_children(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 @contextmanager
-def _shown_instead(
+def shown_instead(
     layer: bpy.types.ViewLayer, shown: Sequence[bpy.types.Object], hidden: Iterable[bpy.types.Object]
 ) -> Iterator[None]:
     """Show some objects of the layer in the view and in renders, and hide others. Restore all of them at the end."""

@@ -183,10 +183,10 @@ impl<'py> Options<'py> {
             pixels: self.number("pixels", default.pixels)?,
             refine: self.named(default.refine)?,
             refined_parts: self.refined_parts(default.refined_parts)?,
-            views: if self.flag("order_by_visibility", true)? {
-                default.views
-            } else {
-                ViewCounts { order: 0, ..default.views }
+            views: match (self.flag("draft", false)?, self.flag("order_by_visibility", true)?) {
+                (true, _) => ViewCounts::DRAFT,
+                (false, true) => default.views,
+                (false, false) => ViewCounts { order: 0, ..default.views },
             },
         })
     }

@@ -33,6 +33,9 @@ impl ViewCounts {
     /// The fewest views that still tell settings apart. The figures are off by a few percent.
     pub const QUICK: Self = Self { order: 0, amounts: 1, report: 2 };
 
+    /// For a first look at a tree.
+    pub const DRAFT: Self = Self { order: 0, amounts: 4, report: 1 };
+
     fn check(self) -> Result<()> {
         let Self { order, amounts, report } = self;
         let counts = [("order", order.max(1)), ("amounts", amounts), ("report", report)];

@@ -1,0 +1,81 @@
+"""The operators that run a job: they begin it anew where it is outdated."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from addon.steps import Steps
+from addon.ui import job_operator
+from addon.ui.job_operator import JobOperator
+
+
+class FakeJob:
+    stage, fraction, done, cancelled = "fit", 0.5, False, False
+
+    def cancel(self) -> None:
+        self.cancelled = self.done = True
+
+    def result(self, timeout: float | None = None) -> str:
+        return "result"
+
+
+class Operator(JobOperator):
+    """Begins anew once. Writes down what happens."""
+
+    def __init__(self) -> None:
+        self.events: list[str] = []
+        self.jobs: list[FakeJob] = []
+
+    def begin(self, context: Any) -> Any:
+        self.jobs.append(FakeJob())
+        return self.jobs[-1]
+
+    def meanwhile(self, context: Any, job: Any, before: Steps[None]) -> Steps[None]:
+        number = len(self.jobs)
+        before.close()
+        try:
+            while True:
+                self.events.append(f"step {number}")
+                yield
+        finally:
+            self.events.append(f"closed {number}")
+
+    def is_outdated(self, context: Any) -> bool:
+        return len(self.jobs) == 1
+
+    def end(self, context: Any, found: Any) -> Steps[set[str]]:
+        self.events.append(found)
+        yield
+        return {"FINISHED"}
+
+
+@pytest.fixture
+def context(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.setattr(job_operator, "show", lambda *_: None)
+    monkeypatch.setattr(job_operator, "running", [])
+    monkeypatch.setattr(job_operator.bpy, "app", SimpleNamespace(background=False))
+    manager = SimpleNamespace(
+        event_timer_add=lambda *_, **__: object(),
+        event_timer_remove=lambda _: None,
+        modal_handler_add=lambda _: None,
+    )
+    return SimpleNamespace(window_manager=manager, window=None)
+
+
+def test_an_outdated_job_is_cancelled_and_begun_anew(context: Any) -> None:
+    operator, timer = Operator(), SimpleNamespace(type="TIMER")
+    assert operator.invoke(context, timer) == {"RUNNING_MODAL"}
+    operator.modal(context, timer)
+    operator.modal(context, timer)
+    first, second = operator.jobs
+    assert (first.cancelled, second.cancelled) == (True, False)
+    assert operator.events == ["step 2", "step 2"], "the steps of the first job had not begun"
+    assert job_operator.running == [first, second], "a bake cannot begin while one of them runs"
+    second.done = True
+    assert operator.modal(context, timer) == {"RUNNING_MODAL"}
+    assert operator.modal(context, timer) == {"FINISHED"}
+    assert operator.events[2:] == ["result", "closed 2"]
+    assert not job_operator.running
