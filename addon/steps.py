@@ -6,6 +6,7 @@ work ends at that `yield`, and undoes its changes. Work that does not touch Blen
 
 from __future__ import annotations
 
+import time
 from collections.abc import Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -18,6 +19,8 @@ Steps: TypeAlias = Generator[None, None, _T]
 WAITING_SECONDS = 0.05
 """Longest step that waits for another thread."""
 
+TURN_SECONDS = 0.1
+
 
 def all_steps(steps: Steps[_T]) -> _T:
     """Do all steps, and return the result."""
@@ -26,6 +29,22 @@ def all_steps(steps: Steps[_T]) -> _T:
             next(steps)
         except StopIteration as end:
             return end.value
+
+
+def in_turns(steps: Steps[_T]) -> Steps[_T]:
+    """Do steps in turns of about `TURN_SECONDS`: short ones would each wait for the interface to draw."""
+    try:
+        end = time.monotonic() + TURN_SECONDS
+        while True:
+            try:
+                next(steps)
+            except StopIteration as last:
+                return last.value
+            if time.monotonic() > end:
+                yield
+                end = time.monotonic() + TURN_SECONDS
+    finally:
+        steps.close()
 
 
 def no_steps() -> Steps[None]:

@@ -31,6 +31,8 @@ import addon
 from addon.bake.pipeline import layer_of
 from addon.bake.tree_set import finish_tree_set, prepare_tree_set, start_tree_set
 from addon.bake.values import Prepared
+from addon.steps import all_steps
+from addon.ui.draft import draft_of
 from addon.ui.properties import bake_settings, with_labels
 from addon.ui.selection import selected_trees
 
@@ -58,6 +60,7 @@ tree: machines differ, and so do their hours.
 
 After the import of each tree, without a window. Seconds.
 
+- *draft*: from the button to the draft.
 - *before*, *after*: on the main thread, before and after the core's job; *longest*: the longest of the steps after
   it, between which the interface draws.
 - *job*: of the core and of judging its levels; then those of its stages.
@@ -68,8 +71,9 @@ CANCELS = 6
 
 @dataclass(frozen=True)
 class Timed:
-    """Seconds of one bake: before the job, of its stages by name, of the steps after it."""
+    """Seconds of one bake: to the draft, before the job, of its stages by name, of the steps after it."""
 
+    draft: float
     before: float
     stages: dict[str, float]
     after: list[float]
@@ -93,13 +97,22 @@ def main() -> None:
     addon.register()
     processes = process_table(trees if given else [*trees, FOLIAGE / "maple_1m.glb"], arguments.repeats)
     print(processes)
-    headings = ("tree", "quality", "total", "before", "job", *SHOWN, "after", "longest", "pause")
+    headings = ("tree", "quality", "draft", "total", "before", "job", *SHOWN, "after", "longest", "pause")
     rows = [headings, tuple("---" for _ in headings)]
     for tree in trees:
         for name, quality in QUALITIES.items():
             timed, pause = bake(tree, quality), longest_pause(tree, quality)
             stages = (timed.stages.get(stage, 0.0) for stage in SHOWN)
-            figures = (timed.total, timed.before, timed.job, *stages, sum(timed.after), max(timed.after), pause)
+            figures = (
+                timed.draft,
+                timed.total,
+                timed.before,
+                timed.job,
+                *stages,
+                sum(timed.after),
+                max(timed.after),
+                pause,
+            )
             rows.append((tree.stem, name, *(f"{figure:.2f}" for figure in figures)))
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     print(table)
@@ -177,8 +190,9 @@ class Clock:
 
 def bake(tree: Path, quality: float) -> Timed:
     """Bake a tree as the button does, and time it."""
+    draft = draft_time(tree, quality)
     begin = open_tree(tree, quality)
-    prepared = prepare()
+    prepared, _ = prepare()
     before = time.perf_counter() - begin
     stages: dict[str, float] = {}
     job, last = start_tree_set(prepared), time.perf_counter()
@@ -188,14 +202,29 @@ def bake(tree: Path, quality: float) -> Timed:
         now = time.perf_counter()
         stages[stage], last = stages.get(stage, 0.0) + now - last, now
     steps = finish_tree_set(prepared, job.result(), "tree", bpy.context.scene)
-    return Timed(before, stages, list(_times(steps)))
+    return Timed(draft, before, stages, list(_times(steps)))
+
+
+def draft_time(tree: Path, quality: float) -> float:
+    """Return the seconds from the button to the draft."""
+    begin = open_tree(tree, quality)
+    prepared, drafted = prepare()
+    job = start_tree_set(prepared, drafted)
+    while job.drafts is None:
+        time.sleep(0.002)
+    all_steps(finish_tree_set(drafted, job.drafts, "draft", bpy.context.scene))
+    seconds = time.perf_counter() - begin
+    job.cancel()
+    while not job.done:
+        time.sleep(0.002)
+    return seconds
 
 
 def longest_pause(tree: Path, quality: float) -> float:
     """Cancel bakes at moments that are spread over the whole job. Return the longest time until a job has ended."""
     whole = bake(tree, quality).job
     open_tree(tree, quality)
-    prepared, pauses = prepare(), []
+    (prepared, _), pauses = prepare(), []
     for number in range(CANCELS):
         job = start_tree_set(prepared)
         time.sleep(whole * (number + 0.5) / CANCELS)
@@ -216,11 +245,14 @@ def open_tree(tree: Path, quality: float) -> float:
     return time.perf_counter()
 
 
-def prepare() -> dict[str, Prepared]:
-    """Read the selected tree as the button does."""
-    wanted = bake_settings(bpy.context.scene.leafcloud)
+def prepare() -> tuple[dict[str, Prepared], dict[str, Prepared]]:
+    """Read the selected tree as the button does, for the levels and for the draft."""
+    wanted, layer = bake_settings(bpy.context.scene.leafcloud), layer_of(bpy.context.scene)
     with selected_trees(bpy.context) as trees:
-        return dict(prepare_tree_set(trees, wanted, layer_of(bpy.context.scene), with_labels))
+        return (
+            prepare_tree_set(trees, wanted, layer, with_labels),
+            prepare_tree_set(trees, draft_of(wanted), None),
+        )
 
 
 def _times(steps: Iterable[object]) -> list[float]:

@@ -16,7 +16,7 @@ from ..bake.values import Prepared
 from ..levels.earlier import levels_of, remove_levels
 from ..mesh.baked_levels import record_of, remember
 from ..settings.bake import BakeSettings
-from ..steps import Steps
+from ..steps import Steps, in_turns
 from .measured import tell
 from .selection import parts_of, select_only, shown_instead
 
@@ -37,8 +37,9 @@ def draft_of(settings: BakeSettings) -> BakeSettings:
         levels=1,
         cross=False,
         last="cross",
-        texture_size=512,
+        texture_size=256,
         samples=2,
+        min_visibility=0.0,
         effects="none",
     )
 
@@ -56,7 +57,7 @@ def drawn_draft(
         if not job.drafts:
             return
         name = free_name(f"{next(iter(prepared))} draft")
-        tree_set = yield from finish_tree_set(prepared, job.drafts, name, context.scene)
+        tree_set = yield from in_turns(finish_tree_set(prepared, job.drafts, name, context.scene))
         for tree in tree_set.trees:
             tree.collection[_DRAFT] = True
             remember(tree.collection, tree.prepared.tree.sources)

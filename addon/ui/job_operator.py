@@ -13,7 +13,7 @@ import leafcloud
 from ..bake.job import Job, wait
 from ..errors import SceneError
 from ..settings.setting import SettingsError
-from ..steps import Steps, all_steps, no_steps
+from ..steps import Steps, all_steps, in_turns, no_steps
 from .progress import show
 from .properties import with_labels
 from .viewport import is_previewed
@@ -194,7 +194,7 @@ class JobOperator:
         """Do the next step after the job. Return the operator's result after the last one, or after an error."""
         try:
             if self._steps is None:
-                self._steps = self.end(context, self._job.result())
+                self._steps = in_turns(self.end(context, self._job.result()))
             next(self._steps)
         except StopIteration as end:
             return set(end.value)
@@ -242,3 +242,4 @@ class JobOperator:
         self._job = self.begin(context)
         running.append(self._job)
         self._meanwhile = self.meanwhile(context, self._job, getattr(self, "_meanwhile", no_steps()))
+        next(self._meanwhile, None)  # Steps that have not begun would not close those before.

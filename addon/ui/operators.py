@@ -120,12 +120,12 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
                     for level in tree.levels:
                         level.object.vertex_groups.clear()
             yield
+            self.end_meanwhile()  # It shows the earlier levels again.
         effects = joint_effects([tree.effects for tree in tree_set.trees])
         show_plan(context.window_manager.leafcloud, effects, camera_notes(self._prepared.values()))
         for tree in tree_set.trees:
             tell(tree)
         yield
-        self.end_meanwhile()
         for obj in sources:
             obj.hide_set(True)
             obj.hide_render = True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import bpy
 import pytest
@@ -14,8 +15,11 @@ from addon.bake.tree_set import ChainsJob, prepare_tree_set, start_tree_set
 from addon.bake.values import Prepared
 from addon.levels.root import is_root
 from addon.mesh.baked_levels import level_number
-from addon.steps import Steps, no_steps
+from addon.steps import Steps, all_steps, no_steps
+from addon.ui import job_operator
 from addon.ui.draft import draft_of, drawn_draft, is_draft
+from addon.ui.job_operator import JobOperator
+from addon.ui.operators import LEAFCLOUD_OT_bake
 from addon.ui.properties import bake_settings
 from addon.ui.selection import selected_trees
 
@@ -120,6 +124,38 @@ def test_the_levels_of_an_earlier_bake_come_back(sources: list[bpy.types.Object]
     steps.close()
     assert state() == before
     job.cancel()
+
+
+class Bake(JobOperator):
+    """The operator outside Blender's registry, in a window that is not there."""
+
+    viewer, in_window = "", True
+    begin, meanwhile, is_outdated, end = (
+        vars(LEAFCLOUD_OT_bake)[name] for name in ("begin", "meanwhile", "is_outdated", "end")
+    )
+
+    def report(self, kinds: set[str], words: str) -> None:
+        pass
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_the_levels_take_the_place_of_the_draft(
+    sources: list[bpy.types.Object], again: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(job_operator, "running", [])
+    if again:
+        assert bpy.ops.leafcloud.bake() == {"FINISHED"}
+    operator: Any = Bake()
+    operator._start(bpy.context)
+    while not drafts():
+        assert operator._go_on(bpy.context) is None
+    job = operator._job
+    assert all_steps(operator.end(bpy.context, job.result())) == {"FINISHED"}
+    assert not drafts()
+    names = {obj.name for obj in bpy.context.scene.objects if obj.visible_get()}
+    assert {"leaves_tree", "leaves_LOD0", "leaves_LOD1"} <= names
+    assert not names & {"leaves", "branches"}, "the sources are hidden"
+    assert bpy.context.view_layer.objects.active.name == "leaves_tree"
 
 
 def test_a_bake_goes_on_without_a_draft(sources: list[bpy.types.Object], monkeypatch: pytest.MonkeyPatch) -> None:
