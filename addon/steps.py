@@ -7,7 +7,7 @@ work ends at that `yield`, and undoes its changes. Work that does not touch Blen
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from typing import TypeAlias, TypeVar
@@ -54,12 +54,23 @@ def no_steps() -> Steps[None]:
 
 @contextmanager
 def threads(count: int) -> Iterator[ThreadPoolExecutor]:
-    """Yield a pool of threads that end after the work submitted in the block. Do not wait for them."""
+    """Yield a pool of threads that end after the work submitted in the block. Do not wait for them.
+
+    If the block fails, work that has not begun is left out.
+    """
     pool = ThreadPoolExecutor(count, thread_name_prefix="leafcloud")
     try:
         yield pool
-    finally:
-        pool.shutdown(wait=False)
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown(wait=False)
+
+
+def timed(work: Callable[[], _T]) -> tuple[_T, float]:
+    """Do some work. Return its result and its seconds."""
+    begin = time.perf_counter()
+    return work(), time.perf_counter() - begin
 
 
 def waited(work: Future[_T]) -> Steps[_T]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -32,7 +33,7 @@ from addon.bake.pipeline import layer_of
 from addon.bake.tree_set import finish_tree_set, prepare_tree_set, start_tree_set
 from addon.bake.values import Prepared
 from addon.steps import all_steps
-from addon.ui.draft import draft_of
+from addon.ui.draft import prepared_draft
 from addon.ui.properties import bake_settings, with_labels
 from addon.ui.selection import selected_trees
 
@@ -60,7 +61,7 @@ tree: machines differ, and so do their hours.
 
 After the import of each tree, without a window. Seconds.
 
-- *draft*: from the button to the draft.
+- *draft*: from the button to the draft; *nan* for a tree without one.
 - *before*, *after*: on the main thread, before and after the core's job; *longest*: the longest of the steps after
   it, between which the interface draws.
 - *job*: of the core and of judging its levels; then those of its stages.
@@ -212,8 +213,9 @@ def draft_time(tree: Path, quality: float) -> float:
     job = start_tree_set(prepared, drafted)
     while job.drafts is None:
         time.sleep(0.002)
-    all_steps(finish_tree_set(drafted, job.drafts, "draft", bpy.context.scene))
-    seconds = time.perf_counter() - begin
+    if job.drafts:
+        all_steps(finish_tree_set(drafted, job.drafts, "draft", bpy.context.scene))
+    seconds = time.perf_counter() - begin if job.drafts else math.nan
     job.cancel()
     while not job.done:
         time.sleep(0.002)
@@ -251,7 +253,7 @@ def prepare() -> tuple[dict[str, Prepared], dict[str, Prepared]]:
     with selected_trees(bpy.context) as trees:
         return (
             prepare_tree_set(trees, wanted, layer, with_labels),
-            prepare_tree_set(trees, draft_of(wanted), None),
+            prepared_draft(trees, wanted),
         )
 
 

@@ -152,8 +152,8 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     )
 
 
-def start(prepared: Prepared, *, draft: bool = False) -> leafcloud.Job[leafcloud.Chain]:
-    """Start the core's job for a chain of levels. A `draft` is measured in few views."""
+def start(prepared: Prepared, *, few_views: bool = False) -> leafcloud.Job[leafcloud.Chain]:
+    """Start the core's job for a chain of levels. `few_views`: measure in few views, for a draft."""
     settings = prepared.settings
     return leafcloud.start_chain(
         prepared.foliage,
@@ -166,7 +166,7 @@ def start(prepared: Prepared, *, draft: bool = False) -> leafcloud.Job[leafcloud
         seconds=settings.seconds,
         image_error=settings.image_error,
         preset=settings.preset,
-        draft=draft,
+        few_views=few_views,
         **core_wishes(settings, level_1_form(prepared), twigs=clouds_may_show_twigs(prepared)),
         last=last_form(prepared),
         **chain_options(settings, prepared.facts, prepared.effects),

@@ -146,6 +146,8 @@ class ChainsJob:
     @property
     def stage(self) -> str:
         """The present stage, with the tree's name if there are several; empty before the first stage."""
+        if self.drafts is None and self._drafted:
+            return "draft"
         finished, job, names = self._finished, self._job, list(self._prepared)  # Read once: the thread runs on.
         stage = "" if job is None else job.stage
         if not stage or len(names) == 1:
@@ -155,6 +157,8 @@ class ChainsJob:
     @property
     def fraction(self) -> float:
         """The fraction done, in [0, 1]."""
+        if self.drafts is None:
+            return 0.0
         finished, job, count = self._finished, self._job, len(self._prepared)
         within = 0.0 if job is None or finished == count else job.fraction
         return (finished + within) / count
@@ -187,7 +191,7 @@ class ChainsJob:
         return shared
 
     def _chain(self, prepared: Prepared, *, draft: bool = False) -> leafcloud.Chain:
-        self._job = start(prepared, draft=draft)
+        self._job = start(prepared, few_views=draft)
         if self._cancelled:  # `cancel` was called between two jobs.
             self._job.cancel()
         chain = self._job.result()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
+from functools import partial
 
 import bpy
 import numpy as np
@@ -15,7 +17,7 @@ from ..nodes.laws import NEVER
 from ..nodes.lod import LodSettings, add_lod_modifier, lod_group
 from ..plan.lod_range import LodRange, shows_trunk, trunk_range
 from ..plan.trunk_limits import MOST_CHANGE, trunk_limits
-from ..steps import Steps, threads, waited
+from ..steps import Steps, threads, timed, waited
 from .building import Build, BuiltLevel, y_up
 from .clouds import cloud_object
 from .leaves import later_leaf_object, leaf_object
@@ -33,25 +35,31 @@ NO_CLOUDS = (leafcloud.LeafLevel, leafcloud.OctahedralLevel)
 def build_levels(build: Build) -> Steps[tuple[bpy.types.Collection, list[BuiltLevel]]]:
     """Create all levels in a new collection that is not yet in any scene. Return the collection and the levels.
 
-    In steps: one for the mesh of each level, one for its modifiers. Meanwhile other threads simplify the trunk, measure
-    the light of the cross impostor and encode the images.
+    In steps: one for the mesh of each level, one for its modifiers, one for each effect and each image. Meanwhile other
+    threads simplify the trunk, measure the light of the cross impostor and encode the images.
 
     Meshes are in the tree's coordinates, the root above all objects has the tree's matrix. If the camera sees a single
     level and there are neither transitions nor pruning, only that level is shown. On failure everything created is
     removed.
     """
-    with removed_on_failure(), threads(1) as thread:
-        light, kept = thread.submit(share_of_cross, build), thread.submit(_kept_trunks(build))
+    with removed_on_failure(), closing(build.images), threads(1) as thread:
+        light = thread.submit(timed, partial(share_of_cross, build))
+        kept = thread.submit(timed, _kept_trunks(build))
         collection = bpy.data.collections.new(build.name)
         root = add_root(collection, build)
         objects = yield from _objects(build)
         if build.follows_camera:
             lod_group()  # Blender takes a fifth of a second for its nodes.
             yield
-        share = yield from waited(light)
+        share, seconds = yield from waited(light)
         if share is not None:
+            build.costs.add_seconds("far_levels", seconds)
             dim_in_cycles(objects[-1].data.materials[0], share)
-        made = trunks(f"{build.name}_trunk", (yield from waited(kept)))
+        found, seconds = yield from waited(kept)
+        if len({*found}) > 1:
+            build.costs.add_seconds("trunk_levels", seconds)
+            build.costs.add_bytes("trunk_levels", sum(each.nbytes for each in {*found[1:]} - {found[0]}))
+        made = trunks(f"{build.name}_trunk", found)
         yield
         levels = yield from _levels(root, objects, made, build)
         for effect in build.effects:
@@ -128,10 +136,7 @@ def _kept_trunks(build: Build) -> Callable[[], list[Kept]]:
     geometry = unrolled(tree.trunk)
 
     def work() -> list[Kept]:
-        with build.costs.spent_on("trunk_levels"):
-            coarser = simplified(first, geometry, tree.matrix, views)
-        build.costs.bytes["trunk_levels"] = sum(each.nbytes for each in {*coarser} - {first})
-        return [first, *coarser]
+        return [first, *simplified(first, geometry, tree.matrix, views)]
 
     return work
 

@@ -36,8 +36,11 @@ class Costs:
         """Add the block's running time and `nbytes` to the costs of `effect`."""
         begin = time.perf_counter()
         yield
-        self.seconds[effect] = self.seconds.get(effect, 0.0) + time.perf_counter() - begin
+        self.add_seconds(effect, time.perf_counter() - begin)
         self.add_bytes(effect, nbytes)
+
+    def add_seconds(self, effect: str, seconds: float) -> None:
+        self.seconds[effect] = self.seconds.get(effect, 0.0) + seconds
 
     def add_bytes(self, effect: str, nbytes: int) -> None:
         self.bytes[effect] = self.bytes.get(effect, 0) + nbytes

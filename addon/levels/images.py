@@ -39,7 +39,6 @@ class PackedImages:
 
     def packed(self) -> Steps[None]:
         """Give the images their pixels, in steps."""
-        self._threads.shutdown(wait=False)
         for image, file in self._files:
             encoded = yield from waited(file)
             image.pack(data=encoded, data_len=len(encoded))
@@ -47,6 +46,10 @@ class PackedImages:
             for packed in image.packed_files:
                 packed.filepath = image.filepath_raw
             yield
+
+    def close(self) -> None:
+        """End the threads. Images that are not packed stay empty."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
 
 
 def _png(pixels: NDArray[np.uint8]) -> bytes:

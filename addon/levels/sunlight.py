@@ -54,8 +54,7 @@ def share_of_cross(build: Build) -> float | None:
     if build.chain.levels[-1].method != "cross" or build.light is not None:
         return None
     leaves = foliages[-2]() if len(foliages) > 1 else build.foliage
-    with build.costs.spent_on("far_levels"):
-        return light_share(foliages[-1](), leaves, build.foliage)
+    return light_share(foliages[-1](), leaves, build.foliage)
 
 
 def light_share(level: leafcloud.Foliage, before: leafcloud.Foliage, tree: leafcloud.Foliage) -> float:

@@ -39,14 +39,15 @@ class Record:
     made: tuple[str, ...]
 
 
-def remember(collection: bpy.types.Collection, sources: Iterable[bpy.types.Object]) -> None:
+def remember(collection: bpy.types.Collection, sources: Iterable[bpy.types.Object], *, identify: bool = True) -> None:
     """Store on a collection of levels how a bake made it. Call this while the collection holds only the bake's objects.
 
     The record holds names, not pointers. A pointer would keep deleted objects in the file, and appending the
-    collection would append them, too. Each source gets an identifier, by which it is found under another name.
+    collection would append them, too. With `identify` each source gets an identifier, by which it is found under
+    another name.
     """
     made, sources = [*collection.all_objects, *collection.children_recursive], list(sources)
-    own = [obj for obj in sources if obj.library is None]  # Linked objects cannot be changed.
+    own = [obj for obj in sources if identify and obj.library is None]  # Linked objects cannot be changed.
     for obj in own:
         obj[_ID] = obj.get(_ID) or uuid4().hex
     ids = {obj.name_full: obj[_ID] for obj in own}

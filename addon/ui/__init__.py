@@ -6,6 +6,7 @@ import bpy
 
 from .billboard_leaves import LEAFCLOUD_OT_select_billboard
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
+from .draft import HANDLERS as DRAFT_HANDLERS
 from .export import LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files
 from .forest_export import LEAFCLOUD_OT_export_forest
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
@@ -84,7 +85,7 @@ def register() -> None:
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
     register_presets()
     add_menu()
-    add_handlers(PREVIEW_HANDLERS, INSTANCE_HANDLERS, (("load_post", _forget_file),))
+    add_handlers(PREVIEW_HANDLERS, INSTANCE_HANDLERS, DRAFT_HANDLERS, (("load_post", _forget_file),))
 
 
 def unregister() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -28,6 +29,10 @@ TAB = "Leafcloud"
 """The tab of the sidebar with all panels."""
 
 running: list[Job[Any]] = []
+"""The job of the running operator, after those in whose place it began."""
+
+cancelled: list[Job[Any]] = []
+"""Those of them that a person has cancelled."""
 
 STEP_SECONDS = 0.01
 """Pause between two steps, in which the interface draws."""
@@ -39,15 +44,27 @@ BUSY = "A bake or a measurement is running"
 """Why an operator cannot start."""
 
 
-def cancel_running() -> None:
-    """Cancel the running job, and wait until its thread has ended."""
+def cancel_jobs() -> None:
+    """Cancel the running jobs, as a person asks for it: they do not begin anew."""
     for job in running:
         job.cancel()
+    cancelled[:] = running
+
+
+def cancel_running() -> None:
+    """Cancel the running jobs, and wait until their threads have ended."""
+    cancel_jobs()
+    for job in running:
         try:
             job.result()
         except leafcloud.LeafcloudError:
             continue  # Cancelled or failed: nothing reads the result.
+    _forget_jobs()
+
+
+def _forget_jobs() -> None:
     running.clear()
+    cancelled.clear()
 
 
 def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
@@ -85,8 +102,7 @@ class LEAFCLOUD_OT_cancel(bpy.types.Operator):
         return bool(running)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        for job in running:
-            job.cancel()
+        cancel_jobs()
         return {"FINISHED"}
 
 
@@ -107,42 +123,41 @@ class JobOperator:
 
     The subclass defines `begin`, which reads the scene and starts a job, and `end`, which uses the result in steps.
     Either may raise one of `REFUSALS`, and must then leave the scene unchanged; `end` also if it is closed between two
-    steps. It may define `meanwhile`, steps during the job, which are closed at the end, and `is_outdated`: whether the
-    job should begin anew.
+    steps. It may define `meanwhile`, steps during the job, and `is_outdated`, whether the job should begin anew.
     """
 
     in_window = False
     """Whether a person sees the interface during the job."""
     _steps: Steps[set[str]] | None = None
-    _timer: bpy.types.Timer | None = None
     _checked = 0.0
 
     if TYPE_CHECKING:
         begin: Callable[[bpy.types.Context], Job[Any]]
         end: Callable[[bpy.types.Context, Any], Steps[set[str]]]
         report: Callable[[set[str], str], None]
-        _meanwhile: Steps[None]
+        _timer: bpy.types.Timer
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return can_begin(cls, context)
 
-    def meanwhile(self, context: bpy.types.Context, job: Any, before: Steps[None]) -> Steps[None]:
-        """Return steps during `job`, on the main thread. Close `before`, those of an outdated job."""
-        return before
+    def meanwhile(self, context: bpy.types.Context, job: Any) -> Steps[None]:
+        """Return steps during `job`, on the main thread. They are closed at the end, and undo their changes."""
+        return no_steps()
 
     def is_outdated(self, context: bpy.types.Context) -> bool:
         return False
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run the job to its end, blocking the interface."""
+        self.in_window = False
         try:
             self._start(context)
             return all_steps(self.end(context, wait(self._job, lambda stage, fraction: None)))
         except REFUSALS as error:
             return refuse(self, error)
         finally:
-            running.clear()
+            _forget_jobs()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Run the job modally, without blocking the interface. Without an interface, run `execute`."""
@@ -154,13 +169,13 @@ class JobOperator:
         except REFUSALS as error:
             return refuse(self, error)
         self._show(context)
-        self._add_timer(context, STEP_SECONDS)
+        self._timer = context.window_manager.event_timer_add(STEP_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC":
-            self._job.cancel()
+            cancel_jobs()
             if self._steps is None:
                 return {"RUNNING_MODAL"}  # The job ends soon.
             self.cancel(context)
@@ -170,29 +185,17 @@ class JobOperator:
             passes = event.type in _NAVIGATION or (event.type == "LEFTMOUSE" and is_over_tab(context.screen, event))
             return {"PASS_THROUGH"} if passes else {"RUNNING_MODAL"}
         self._show(context)
-        done = self._step(context) if self._job.done else self._go_on(context)
+        done = self._step(context)
         if done is not None:
             self._stop(context)
         return done or {"RUNNING_MODAL"}
 
-    def _go_on(self, context: bpy.types.Context) -> set[str] | None:
-        """Do a step during the job, or begin it anew. Return the operator's result if it cannot begin."""
-        try:
-            now = time.monotonic()
-            if now - self._checked > CHECK_SECONDS:
-                self._checked = now
-                if self.is_outdated(context):
-                    self._job.cancel()
-                    show(context, "", 0.0)
-                    self._start(context)
-            next(self._meanwhile, None)
-        except REFUSALS as error:
-            return refuse(self, error)
-        return None
-
     def _step(self, context: bpy.types.Context) -> set[str] | None:
-        """Do the next step after the job. Return the operator's result after the last one, or after an error."""
+        """Do the next step. Return the operator's result after the last one, or after an error."""
         try:
+            if not self._job.done:
+                self._go_on(context)
+                return None
             if self._steps is None:
                 self._steps = in_turns(self.end(context, self._job.result()))
             next(self._steps)
@@ -202,11 +205,28 @@ class JobOperator:
             self.report({"INFO"}, "Cancelled")
             return {"CANCELLED"}
         except REFUSALS as error:
+            self._job.cancel()
             return refuse(self, error)
         except BaseException:
+            self._job.cancel()
             self._stop(context)
             raise
         return None
+
+    def _go_on(self, context: bpy.types.Context) -> None:
+        """Do a step during the job, or begin it anew."""
+        if self._job in cancelled:
+            return
+        now = time.monotonic()
+        if now - self._checked > CHECK_SECONDS:
+            self._checked = now
+            if self.is_outdated(context):
+                self._job.cancel()
+                self.end_meanwhile()
+                show(context, "", 0.0)
+                self._start(context)
+        with suppress(*REFUSALS):  # The job goes on without them.
+            next(self._meanwhile, None)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Cancel the job. Blender calls this when the window closes or another file is loaded."""
@@ -216,14 +236,15 @@ class JobOperator:
         self._stop(context)
 
     def end_meanwhile(self) -> None:
-        """Close the steps during the job, which undo their changes."""
         self._meanwhile.close()
 
     def _stop(self, context: bpy.types.Context) -> None:
-        self.end_meanwhile()
-        context.window_manager.event_timer_remove(self._timer)
-        running.clear()
-        show(context, "", 0.0)
+        try:
+            self.end_meanwhile()
+        finally:
+            context.window_manager.event_timer_remove(self._timer)
+            _forget_jobs()
+            show(context, "", 0.0)
 
     def _show(self, context: bpy.types.Context) -> None:
         if self._steps is not None:
@@ -231,15 +252,8 @@ class JobOperator:
         else:
             show(context, self._job.stage or "start", self._job.fraction)
 
-    def _add_timer(self, context: bpy.types.Context, seconds: float) -> None:
-        """Wait for events of a timer, in place of the timer before."""
-        manager = context.window_manager
-        if self._timer is not None:
-            manager.event_timer_remove(self._timer)
-        self._timer = manager.event_timer_add(seconds, window=context.window)
-
     def _start(self, context: bpy.types.Context) -> None:
+        self._steps = None
         self._job = self.begin(context)
         running.append(self._job)
-        self._meanwhile = self.meanwhile(context, self._job, getattr(self, "_meanwhile", no_steps()))
-        next(self._meanwhile, None)  # Steps that have not begun would not close those before.
+        self._meanwhile = self.meanwhile(context, self._job)

@@ -10,7 +10,7 @@ import numpy as np
 
 import leafcloud
 
-from ..bake.drawing import drawing_costs, level_results
+from ..bake.drawing import LevelDrawing, drawing_costs, level_results
 from ..bake.pipeline import chain_options
 from ..bake.values import Baked, Prepared
 from ..levels.results import keep_results
@@ -135,16 +135,21 @@ def tell_nothing() -> None:
     _told.clear()
 
 
+def keep_figures(tree: Baked) -> list[LevelDrawing]:
+    """Store figures and pictures of the levels with the tree's collection. Return the costs of drawing them."""
+    costs = drawing_costs(tree)
+    keep_results(tree.collection, level_results(tree, costs))
+    keep_thumbnails([level.object for level in tree.levels], tree.chain.levels)
+    return costs
+
+
 def tell(tree: Baked) -> None:
     """Store the result of a finished bake, for the cost curve and with the tree's collection."""
     prepared, chain = tree.prepared, tree.chain
     expected = prepared.predicted if chain.chosen is None else chain.chosen["predicted"]
     beside = "" if expected is None else f" (expected {expected['seconds']:.1f} s, {expected['image_error']:.3f})"
     _told[:] = [f"Baked: {chain.seconds:.1f} s, error {chain.levels[0].image_error:.3f}{beside}"]
-    costs = drawing_costs(tree)
-    keep_results(tree.collection, level_results(tree, costs))
-    keep_thumbnails([level.object for level in tree.levels], chain.levels)
-    for number, cost in enumerate(costs[1:], start=1):
+    for number, cost in enumerate(keep_figures(tree)[1:], start=1):
         times = f"{cost.cheaper:.1f} × cheaper" if cost.cheaper >= 1.0 else f"{1.0 / cost.cheaper:.1f} × dearer"
         _told.append(f"Level {number}: {times} to draw than the leaves at {tree.view.of_height(cost.crown_pixels)}")
     if chain.left_out:

@@ -31,12 +31,12 @@ from ..mesh.baked_levels import remember
 from ..plan.effects import joint_effects
 from ..settings.setting import SettingsError
 from ..steps import Steps
-from .draft import draft_of, drawn_draft, is_draft
+from .draft import drawn_draft, is_draft, prepared_draft
 from .job_operator import REFUSALS, JobOperator, can_begin, refuse
 from .measured import predicted, tell
 from .preferences import preference
 from .progress import show
-from .properties import bake_settings, show_plan, with_labels
+from .properties import LeafcloudSettings, bake_settings, show_plan, with_labels
 from .selection import parts_of, select_only, selected_trees
 from .viewport import draw_new_levels
 
@@ -79,26 +79,25 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
     def begin(self, context: bpy.types.Context) -> ChainsJob:
         settings = context.scene.leafcloud
         if self.viewer:
-            settings.viewer = self.viewer
+            settings.viewer, self.viewer = self.viewer, ""
         self._directory = output_folder(settings.directory)
-        self._wanted = self._seen = bake_settings(settings)
-        layer = layer_of(context.scene)
+        wanted = bake_settings(settings)
+        self._asked = self._seen = _asked(settings)
         with selected_trees(context) as trees:
-            prepared = prepare_tree_set(trees, self._wanted, layer, with_labels)
-            has_draft = self.in_window and self._wanted.chain != "pruning"
-            self._drafted = prepare_tree_set(trees, draft_of(self._wanted), None) if has_draft else {}
+            prepared = prepare_tree_set(trees, wanted, layer_of(context.scene), with_labels)
+            self._drafted = prepared_draft(trees, wanted) if self.in_window else {}
         self._prepared = {name: predicted(each) for name, each in prepared.items()}
         return start_tree_set(self._prepared, self._drafted)
 
-    def meanwhile(self, context: bpy.types.Context, job: ChainsJob, before: Steps[None]) -> Steps[None]:
-        return drawn_draft(context, self._drafted, job, before)
+    def meanwhile(self, context: bpy.types.Context, job: ChainsJob) -> Steps[None]:
+        return drawn_draft(context, self._drafted, job)
 
     def is_outdated(self, context: bpy.types.Context) -> bool:
         try:
-            seen, self._seen = self._seen, bake_settings(context.scene.leafcloud)
+            seen, self._seen = self._seen, _asked(context.scene.leafcloud)
         except SettingsError:
             return False  # It is being typed.
-        return self._wanted != self._seen == seen
+        return self._asked != self._seen == seen
 
     def end(self, context: bpy.types.Context, chains: list[leafcloud.Chain]) -> Steps[set[str]]:
         """Replace the sources in the scene by the levels, and write files if a folder is given.
@@ -143,6 +142,11 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
         files = "" if self._directory is None else f", wrote files into {self._directory}"
         self.report({"INFO"}, f"Baked {levels}{files}, and hid their sources")
         return {"FINISHED"}
+
+
+def _asked(settings: LeafcloudSettings) -> tuple[object, ...]:
+    """Return all that a bake reads from the sidebar."""
+    return bake_settings(settings), settings.leaves, settings.trees, settings.directory
 
 
 def output_folder(directory: str) -> Path | None:

@@ -14,10 +14,10 @@ from addon.bake import tree_set
 from addon.bake.tree_set import ChainsJob, prepare_tree_set, start_tree_set
 from addon.bake.values import Prepared
 from addon.levels.root import is_root
-from addon.mesh.baked_levels import level_number
-from addon.steps import Steps, all_steps, no_steps
+from addon.mesh.baked_levels import is_source, level_number
+from addon.steps import Steps, all_steps
 from addon.ui import job_operator
-from addon.ui.draft import draft_of, drawn_draft, is_draft
+from addon.ui.draft import drawn_draft, is_draft, prepared_draft
 from addon.ui.job_operator import JobOperator
 from addon.ui.operators import LEAFCLOUD_OT_bake
 from addon.ui.properties import bake_settings
@@ -25,7 +25,7 @@ from addon.ui.selection import selected_trees
 
 pytestmark = [pytest.mark.usefixtures("registered"), pytest.mark.version]
 
-KINDS = ("objects", "meshes", "materials", "images", "collections")
+KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
 
 
 @pytest.fixture
@@ -43,12 +43,11 @@ def started() -> tuple[Mapping[str, Prepared], ChainsJob]:
     """Start a bake of the selection with its draft. Return the prepared draft and the job."""
     settings = bake_settings(bpy.context.scene.leafcloud)
     with selected_trees(bpy.context) as trees:
-        prepared = prepare_tree_set(trees, settings, None)
-        drafted = prepare_tree_set(trees, draft_of(settings), None)
+        prepared, drafted = prepare_tree_set(trees, settings, None), prepared_draft(trees, settings)
     return drafted, start_tree_set(prepared, drafted)
 
 
-def state() -> object:
+def state() -> tuple[Any, ...]:
     """Return the numbers of data-blocks, what is visible and selected, and the active object."""
     scene = bpy.context.scene
     return (
@@ -62,20 +61,18 @@ def drafts() -> list[bpy.types.Collection]:
     return [each for each in bpy.data.collections if is_draft(each)]
 
 
-def shown(before: Steps[None]) -> tuple[Steps[None], ChainsJob]:
+def shown() -> tuple[Steps[None], ChainsJob]:
     """Bake the selection until its draft is shown. Return the steps that show it, and the job."""
     drafted, job = started()
-    steps = drawn_draft(bpy.context, drafted, job, before)
-    known = drafts()
-    while drafts() in ([], known) or not bpy.context.view_layer.objects.active.select_get():
+    steps = drawn_draft(bpy.context, drafted, job)
+    while not drafts():
         next(steps)
-    next(steps)
     return steps, job
 
 
 def test_a_draft_is_shown_in_place_of_its_sources(sources: list[bpy.types.Object]) -> None:
     before = state()
-    steps, job = shown(no_steps())
+    steps, job = shown()
     [collection] = drafts()
     numbers = [level_number(obj) for obj in collection.objects]
     assert sorted(number for number in numbers if number is not None) == [0, 1]
@@ -83,6 +80,28 @@ def test_a_draft_is_shown_in_place_of_its_sources(sources: list[bpy.types.Object
     active = bpy.context.view_layer.objects.active
     assert is_root(active)
     assert active.name in collection.objects, "the panel shows the draft's figures"
+    assert job.stage != "draft"
+    steps.close()
+    assert state() == before
+    assert not any(map(is_source, sources)), "nothing was baked"
+    job.cancel()
+
+
+def test_drafts_of_several_trees_are_removed_with_their_set(sources: list[bpy.types.Object]) -> None:
+    copies = [obj.copy() for obj in sources]
+    for name, objects in (("one", sources), ("two", copies)):
+        collection = bpy.data.collections.new(name)
+        bpy.context.scene.collection.children.link(collection)
+        for obj in objects:
+            for other in obj.users_collection:
+                other.objects.unlink(obj)
+            collection.objects.link(obj)
+            obj.select_set(True)
+    bpy.context.scene.leafcloud.trees = "collections"
+    before = state()
+    steps, job = shown()
+    assert {"draft one", "draft two"} <= {each.name for each in drafts()}
+    assert len(drafts()) == 3, "two trees and their set"
     steps.close()
     assert state() == before
     job.cancel()
@@ -91,34 +110,30 @@ def test_a_draft_is_shown_in_place_of_its_sources(sources: list[bpy.types.Object
 def test_steps_that_end_before_the_draft_leave_nothing(sources: list[bpy.types.Object]) -> None:
     before = state()
     drafted, job = started()
-    steps = drawn_draft(bpy.context, drafted, job, no_steps())
-    while job.drafts is None:
-        next(steps)
+    steps = drawn_draft(bpy.context, drafted, job)
     next(steps)
     steps.close()
     assert state() == before
     job.cancel()
 
 
-def test_a_draft_replaces_the_one_before(sources: list[bpy.types.Object]) -> None:
-    before = state()
-    first, job = shown(no_steps())
+def test_undo_may_bring_a_draft_back_but_it_goes(sources: list[bpy.types.Object]) -> None:
+    visible = [obj.name for obj in bpy.context.scene.objects]
+    steps, job = shown()
+    bpy.ops.ed.undo_push(message="a setting")
+    steps.close()
     job.cancel()
-    [old] = [each.name for each in drafts()]
-    bpy.context.scene.leafcloud.quality = 0.9
-    second, job = shown(first)
-    [new] = [each.name for each in drafts()]
-    assert new != old
-    assert not any(obj.visible_get() for obj in sources)
-    second.close()
-    assert state() == before
-    job.cancel()
+    bpy.ops.ed.undo_push(message="the bake")
+    bpy.ops.ed.undo()
+    assert not drafts()
+    assert [obj.name for obj in bpy.context.scene.objects if obj.visible_get()] == visible
+    assert len(bpy.context.scene.objects) == len(visible), "its levels are gone"
 
 
 def test_the_levels_of_an_earlier_bake_come_back(sources: list[bpy.types.Object]) -> None:
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     before = state()
-    steps, job = shown(no_steps())
+    steps, job = shown()
     visible = [obj for obj in bpy.context.scene.objects if obj.visible_get() and level_number(obj) is not None]
     assert all(is_draft(obj.users_collection[0]) for obj in visible)
     steps.close()
@@ -148,7 +163,7 @@ def test_the_levels_take_the_place_of_the_draft(
     operator: Any = Bake()
     operator._start(bpy.context)
     while not drafts():
-        assert operator._go_on(bpy.context) is None
+        assert operator._step(bpy.context) is None
     job = operator._job
     assert all_steps(operator.end(bpy.context, job.result())) == {"FINISHED"}
     assert not drafts()
@@ -159,8 +174,8 @@ def test_the_levels_take_the_place_of_the_draft(
 
 
 def test_a_bake_goes_on_without_a_draft(sources: list[bpy.types.Object], monkeypatch: pytest.MonkeyPatch) -> None:
-    def start(prepared: Prepared, *, draft: bool = False) -> leafcloud.Job[leafcloud.Chain]:
-        if draft:
+    def start(prepared: Prepared, *, few_views: bool = False) -> leafcloud.Job[leafcloud.Chain]:
+        if few_views:
             raise leafcloud.LeafcloudError("the page is too small")
         return begin(prepared)
 
@@ -168,7 +183,7 @@ def test_a_bake_goes_on_without_a_draft(sources: list[bpy.types.Object], monkeyp
     monkeypatch.setattr(tree_set, "start", start)
     before = state()
     drafted, job = started()
-    assert list(drawn_draft(bpy.context, drafted, job, no_steps())) is not None
+    assert list(drawn_draft(bpy.context, drafted, job)) is not None
     assert job.drafts == []
     assert len(job.result()) == 1
     assert state() == before

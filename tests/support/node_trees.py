@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import closing
 from typing import Any
 
 import bpy
@@ -41,10 +42,10 @@ def new_image(
 
 def atlas_image(name: str, pixels: NDArray[np.uint8], *, data: bool = False) -> bpy.types.Image:
     """Create a packed image as levels have them."""
-    images = PackedImages()
-    image = images.add(name, pixels, data=data)
-    all_steps(images.packed())
-    return image
+    with closing(PackedImages()) as images:
+        image = images.add(name, pixels, data=data)
+        all_steps(images.packed())
+        return image
 
 
 def texture_node(tree: Any, image: bpy.types.Image | None) -> bpy.types.Node:

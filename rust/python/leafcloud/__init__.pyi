@@ -881,7 +881,7 @@ class LevelOptions(FitOptions, total=False):
     refine: Refine  # "off"
     refine_parts: Sequence[Literal["planes", "texels"]]  # ("planes", "texels")
     order_by_visibility: bool  # True
-    draft: bool  # False
+    few_views: bool  # False
 
 class ChainOptions(LevelOptions, total=False):
     """Further options of a chain, documented in :func:`build_chain`, with their defaults as comments."""
@@ -1000,7 +1000,7 @@ def build_chain(
     grow by :data:`EPSILON_STEP` and of ``pixels``.
     ``order_by_visibility``: prune less visible leaves sooner; takes renders of all leaves. Otherwise only position and
     chance decide ``Chain.ranks``.
-    ``draft``: measure in four views in place of 16, for a first look.
+    ``few_views``: measure in four views in place of 16, for a first look.
     ``back_sides``: separate textures for the two sides. ``None``: where leaves are single-sided.
     ``keep``: λ, the fraction of leaves kept where the first level takes over. All levels are made of these
     leaves, grown about their pivots by the factor at that distance (``Chain.kept``). ``None``: no pruning.

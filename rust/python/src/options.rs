@@ -183,8 +183,8 @@ impl<'py> Options<'py> {
             pixels: self.number("pixels", default.pixels)?,
             refine: self.named(default.refine)?,
             refined_parts: self.refined_parts(default.refined_parts)?,
-            views: match (self.flag("draft", false)?, self.flag("order_by_visibility", true)?) {
-                (true, _) => ViewCounts::DRAFT,
+            views: match (self.flag("few_views", false)?, self.flag("order_by_visibility", true)?) {
+                (true, _) => ViewCounts::FEW,
                 (false, true) => default.views,
                 (false, false) => ViewCounts { order: 0, ..default.views },
             },

@@ -19,7 +19,7 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 pub use material::{AlphaMode, Image, Material};
 pub use opaque::{Opacity, Visible, place};
 pub use source_texel::source_texel;
-pub(crate) use surface::{BLOCK, Spot, Surface};
+pub(crate) use surface::{BLOCK, Spot, Surface, a_hair_less};
 
 use crate::error::{Error, Result};
 use crate::geometry::Frame;

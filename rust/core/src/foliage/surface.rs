@@ -256,15 +256,20 @@ impl Image {
     pub(crate) fn is_drawn(&self, uv: Vec2, mode: AlphaMode, threshold: f32) -> bool {
         match mode {
             AlphaMode::Opaque => true,
-            AlphaMode::Mask(cutoff) => Texels::at(self, uv).alpha() >= a_hair_less(cutoff),
-            AlphaMode::Blend => Texels::at(self, uv).alpha() > threshold,
+            AlphaMode::Mask(cutoff) => self.filtered_alpha(uv) >= a_hair_less(cutoff),
+            AlphaMode::Blend => self.filtered_alpha(uv) > threshold,
         }
+    }
+
+    /// Returns the filtered alpha at a point, in [0, 1].
+    pub(crate) fn filtered_alpha(&self, uv: Vec2) -> f32 {
+        Texels::at(self, uv).alpha()
     }
 }
 
 /// Lowers a cutoff slightly: the weights of filters and corners sum to 1 only nearly, and a surface with exactly the cutoff's alpha must
 /// not get holes.
-pub(super) fn a_hair_less(cutoff: f32) -> f32 {
+pub(crate) fn a_hair_less(cutoff: f32) -> f32 {
     cutoff * (1.0 - 1e-5)
 }
 

@@ -114,8 +114,7 @@ impl<'a> CutOut<'a> {
     /// Measures the coverage of a page that is cut out.
     fn measured(&self, page: &Page) -> Measured {
         let levels = mips::of_alpha(&page.base_color, self.mip + BEHIND + 1);
-        let of_level =
-            |level: &Image| CUTOFFS.map(|cutoff| self.layered.coverage(level, AlphaMode::Mask(cutoff as f32)));
+        let of_level = |level: &Image| self.layered.cut_out(level, CUTOFFS.map(|cutoff| cutoff as f32));
         let seen = self.mip.min(levels.len() - 1);
         let of_page = of_level(&levels[0]);
         let of_mip = if seen == 0 { of_page } else { of_level(&levels[seen]) };

@@ -34,7 +34,7 @@ impl ViewCounts {
     pub const QUICK: Self = Self { order: 0, amounts: 1, report: 2 };
 
     /// For a first look at a tree.
-    pub const DRAFT: Self = Self { order: 0, amounts: 4, report: 1 };
+    pub const FEW: Self = Self { order: 0, amounts: 4, report: 1 };
 
     fn check(self) -> Result<()> {
         let Self { order, amounts, report } = self;

@@ -31,13 +31,27 @@ impl Layered<'_> {
     /// Returns the coverage that [`Reference::agreement`] finds, with `image` as texture.
     #[must_use]
     pub fn coverage(&self, image: &Image, mode: AlphaMode) -> f64 {
+        let [coverage] = self.of(|layers| [layers.covered(image, mode)]);
+        coverage
+    }
+
+    /// Returns the same with `image` cut out at each of some ascending cutoffs.
+    #[must_use]
+    pub fn cut_out<const N: usize>(&self, image: &Image, cutoffs: [f32; N]) -> [f64; N] {
+        self.of(|layers| layers.cut_out(image, cutoffs))
+    }
+
+    /// Returns the coverage from the number of covered samples of each pixel in each view.
+    fn of<const N: usize>(&self, covered: impl Fn(&Layers) -> [Vec<u32>; N] + Sync) -> [f64; N] {
         let alpha = |(layers, view): (&Layers, &View)| {
             let most = view.samples.side().pow(2) as f32;
-            let counts = layers.covered(image, mode);
-            counts.into_iter().map(|count| u64::from(quantise(count as f32 / most))).sum::<u64>() as f64
+            let sum = |counts: Vec<u32>| {
+                counts.into_iter().map(|count| u64::from(quantise(count as f32 / most))).sum::<u64>() as f64
+            };
+            covered(layers).map(sum)
         };
-        let sums: Vec<f64> = self.views.par_iter().zip(&self.reference.views).map(alpha).collect();
-        coverage_of(self.reference.pictures.iter(), sums.into_iter())
+        let sums: Vec<[f64; N]> = self.views.par_iter().zip(&self.reference.views).map(alpha).collect();
+        std::array::from_fn(|i| coverage_of(self.reference.pictures.iter(), sums.iter().map(|of_view| of_view[i])))
     }
 }
 
