@@ -85,6 +85,7 @@ def drawn_draft(context: bpy.types.Context, prepared: Mapping[str, Prepared], jo
         for tree in tree_set.trees:
             remove_levels(tree.collection)
         bpy.data.batch_remove([each for each in bpy.data.node_groups if each not in groups and not each.users])
+        context.view_layer.update()  # Its list of objects has gaps before.
         draw_new_levels(context.view_layer)
 
 

@@ -15,6 +15,12 @@ PICTURES = Path(os.environ.get("LEAFCLOUD_PICTURES", ROOT / "out" / "interface")
 """Folder of the captures."""
 
 
+_SIDEBAR = """
+view = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+sidebar = next(region for region in view.regions if region.type == "UI")
+"""
+
+
 @pytest.fixture(scope="module")
 def blender(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Window]:
     """Return a Blender with the extension and its tab in the sidebar. All tests of a file use the same one."""
@@ -32,11 +38,8 @@ def blender(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReq
     with opened(work, PICTURES / request.path.stem.removeprefix("test_")) as window:
         window.keys("Escape")  # The splash screen.
         window.move(600, 500)
-        window.keys("n")
-        window.run(
-            """
-view = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
-next(region for region in view.regions if region.type == "UI").active_panel_category = "Leafcloud"
-"""
-        )
+        while window.run(f"{_SIDEBAR}result = sidebar.width") <= 1:
+            window.keys("n")  # A window that has just opened loses keys.
+            window.settle(0.5)
+        window.run(f"{_SIDEBAR}sidebar.active_panel_category = 'Leafcloud'")
         yield window

@@ -56,10 +56,10 @@ def test_escape_removes_the_draft(tree: Window) -> None:
 
 def test_a_changed_setting_begins_the_bake_anew(tree: Window) -> None:
     begin(tree)
-    first = drafts(tree)
     tree.run("bpy.context.scene.leafcloud.quality = 0.9")
-    tree.wait(lambda: drafts(tree) not in ([], first), 30.0, "second draft")
-    assert len(drafts(tree)) <= 2, "the first draft stays until the second is built"
+    tree.wait(lambda: not drafts(tree), 30.0, "end of the first draft")
+    tree.wait(lambda: drafts(tree), 30.0, "second draft")
+    assert tree.run(BUSY)
     tree.wait(lambda: not tree.run(BUSY), 120.0, "end of the bake")
     assert drafts(tree) == []
     names = {name for name, *_ in tree.run(SCENE)}
