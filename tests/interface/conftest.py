@@ -42,4 +42,5 @@ def blender(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureReq
             window.keys("n")  # A window that has just opened loses keys.
             window.settle(0.5)
         window.run(f"{_SIDEBAR}sidebar.active_panel_category = 'Leafcloud'")
+        window.settle(1.0)
         yield window

@@ -95,10 +95,12 @@ pub fn leaf_level(
     let mut best = None;
     for bound in BOUNDS {
         let Some(leaves) = simplified_leaves(foliage, bound, progress)? else { continue };
+        progress.tell("simplify", 0.0)?;
         let passed = yardstick.largest(Subject::Foliage(&leaves.foliage), q, wishes.largest_crown())?;
         if !passed.passes {
             break;
         }
+        progress.tell("simplify", 0.0)?;
         let own = Prices::of(&[&leaves.foliage], radius, settings.up, &scene)?;
         let found = scene.cost(&[(f64::INFINITY, &whole.totals), (passed.crown, &own.totals)]);
         if found < least && leaves.foliage.triangle_count() <= most {

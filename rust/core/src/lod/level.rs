@@ -279,8 +279,10 @@ fn textured(
 pub(super) fn build(step: &Step, settings: &ChainSettings, progress: Progress) -> Result<Level> {
     let (started, finer) = (Instant::now(), step.finer);
     let layout = layout(step, settings, progress.part(0.0, 0.65))?;
+    progress.tell("pack", 0.65)?;
     let atlas = packed(step, settings, &layout, &layout.laid.projection)?;
     let done = Instant::now();
+    progress.tell("pack", 0.65)?;
     let grown = tune::grown(finer, &layout.cloud, &layout.laid, &step.references.tuning)?;
     let growing = done.elapsed().as_secs_f64();
     let baking = progress.part(0.65, 0.9);
