@@ -29,7 +29,7 @@ COARSEST, FINEST = 0.25, 0.05
 """ε of a draft for the qualities 0 and 1, as fractions of R: mostly larger than those that the search finds."""
 
 MOST_TRIANGLES = 200_000
-"""Triangles of leaves up to which there is a draft: it is built in one step, of a fifth of a second for as many."""
+"""Triangles of leaves up to which there is a draft: it is built in one step, a fifth of a second for half of them."""
 
 _DRAFT = "leafcloud_draft"
 """The custom property of a draft's collections."""
@@ -108,13 +108,14 @@ def remove_left_drafts(*_: object) -> None:
         return
     scene, layer = bpy.context.scene, bpy.context.view_layer
     for collection in [each for each in bpy.data.collections if is_draft(each) and each.objects]:
-        made = record(collection)
-        sources = [obj for obj in layer.objects if made is not None and obj.name_full in made.sources]
+        made, here = record(collection), set(layer.objects)
+        sources = [obj for obj in here if made is not None and obj.name_full in made.sources]
         earlier = [obj for each in levels_of(scene, sources) if not is_draft(each) for obj in each.all_objects]
-        for obj in earlier or sources:
+        for obj in here.intersection(earlier or sources):
             obj.hide_set(False)
             obj.hide_render = False
         remove_levels(collection)
+        layer.update()
 
 
 HANDLERS: Handlers = [(name, remove_left_drafts) for name in ("undo_post", "redo_post", "load_post")]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -26,17 +25,6 @@ from addon.ui.selection import selected_trees
 pytestmark = [pytest.mark.usefixtures("registered"), pytest.mark.version]
 
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
-
-
-@pytest.fixture
-def sources(shrub: Path) -> list[bpy.types.Object]:
-    """Return the selected objects of the shrub, with settings for a fast bake."""
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
-    bpy.ops.object.select_all(action="SELECT")
-    bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
-    settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.quality = 128, 1, 0.1
-    return list(bpy.context.selected_objects)
 
 
 def started() -> tuple[Mapping[str, Prepared], ChainsJob]:
@@ -70,26 +58,26 @@ def shown() -> tuple[Steps[None], ChainsJob]:
     return steps, job
 
 
-def test_a_draft_is_shown_in_place_of_its_sources(sources: list[bpy.types.Object]) -> None:
+def test_a_draft_is_shown_in_place_of_its_sources(selected_shrub: list[bpy.types.Object]) -> None:
     before = state()
     steps, job = shown()
     [collection] = drafts()
     numbers = [level_number(obj) for obj in collection.objects]
     assert sorted(number for number in numbers if number is not None) == [0, 1]
-    assert not any(obj.visible_get() for obj in sources)
+    assert not any(obj.visible_get() for obj in selected_shrub)
     active = bpy.context.view_layer.objects.active
     assert is_root(active)
     assert active.name in collection.objects, "the panel shows the draft's figures"
     assert job.stage != "draft"
     steps.close()
     assert state() == before
-    assert not any(map(is_source, sources)), "nothing was baked"
+    assert not any(map(is_source, selected_shrub)), "nothing was baked"
     job.cancel()
 
 
-def test_drafts_of_several_trees_are_removed_with_their_set(sources: list[bpy.types.Object]) -> None:
-    copies = [obj.copy() for obj in sources]
-    for name, objects in (("one", sources), ("two", copies)):
+def test_drafts_of_several_trees_are_removed_with_their_set(selected_shrub: list[bpy.types.Object]) -> None:
+    copies = [obj.copy() for obj in selected_shrub]
+    for name, objects in (("one", selected_shrub), ("two", copies)):
         collection = bpy.data.collections.new(name)
         bpy.context.scene.collection.children.link(collection)
         for obj in objects:
@@ -107,7 +95,7 @@ def test_drafts_of_several_trees_are_removed_with_their_set(sources: list[bpy.ty
     job.cancel()
 
 
-def test_steps_that_end_before_the_draft_leave_nothing(sources: list[bpy.types.Object]) -> None:
+def test_steps_that_end_before_the_draft_leave_nothing(selected_shrub: list[bpy.types.Object]) -> None:
     before = state()
     drafted, job = started()
     steps = drawn_draft(bpy.context, drafted, job)
@@ -117,7 +105,7 @@ def test_steps_that_end_before_the_draft_leave_nothing(sources: list[bpy.types.O
     job.cancel()
 
 
-def test_undo_may_bring_a_draft_back_but_it_goes(sources: list[bpy.types.Object]) -> None:
+def test_undo_may_bring_a_draft_back_but_it_goes(selected_shrub: list[bpy.types.Object]) -> None:
     visible = [obj.name for obj in bpy.context.scene.objects]
     steps, job = shown()
     bpy.ops.ed.undo_push(message="a setting")
@@ -130,7 +118,7 @@ def test_undo_may_bring_a_draft_back_but_it_goes(sources: list[bpy.types.Object]
     assert len(bpy.context.scene.objects) == len(visible), "its levels are gone"
 
 
-def test_the_levels_of_an_earlier_bake_come_back(sources: list[bpy.types.Object]) -> None:
+def test_the_levels_of_an_earlier_bake_come_back(selected_shrub: list[bpy.types.Object]) -> None:
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     before = state()
     steps, job = shown()
@@ -155,7 +143,7 @@ class Bake(JobOperator):
 
 @pytest.mark.parametrize("again", [False, True])
 def test_the_levels_take_the_place_of_the_draft(
-    sources: list[bpy.types.Object], again: bool, monkeypatch: pytest.MonkeyPatch
+    selected_shrub: list[bpy.types.Object], again: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(job_operator, "running", [])
     if again:
@@ -163,7 +151,7 @@ def test_the_levels_take_the_place_of_the_draft(
     operator: Any = Bake()
     operator._start(bpy.context)
     while not drafts():
-        assert operator._step(bpy.context) is None
+        operator._go_on(bpy.context)
     job = operator._job
     assert all_steps(operator.end(bpy.context, job.result())) == {"FINISHED"}
     assert not drafts()
@@ -173,7 +161,9 @@ def test_the_levels_take_the_place_of_the_draft(
     assert bpy.context.view_layer.objects.active.name == "leaves_tree"
 
 
-def test_a_bake_goes_on_without_a_draft(sources: list[bpy.types.Object], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bake_goes_on_without_a_draft(
+    selected_shrub: list[bpy.types.Object], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def start(prepared: Prepared, *, few_views: bool = False) -> leafcloud.Job[leafcloud.Chain]:
         if few_views:
             raise leafcloud.LeafcloudError("the page is too small")

@@ -20,17 +20,6 @@ pytestmark = [pytest.mark.usefixtures("registered"), pytest.mark.version]
 KINDS = ("objects", "meshes", "materials", "images", "collections", "node_groups")
 
 
-@pytest.fixture
-def selected_shrub(shrub: Path) -> list[bpy.types.Object]:
-    """Return the selected objects of the shrub, with settings for a fast bake."""
-    bpy.ops.import_scene.gltf(filepath=str(shrub))
-    bpy.ops.object.select_all(action="SELECT")
-    bpy.context.view_layer.objects.active = bpy.data.objects["leaves"]
-    settings = bpy.context.scene.leafcloud
-    settings.texture_size, settings.levels, settings.quality = 128, 1, 0.1
-    return list(bpy.context.selected_objects)
-
-
 def counts() -> dict[str, int]:
     return {kind: len(getattr(bpy.data, kind)) for kind in KINDS}
 

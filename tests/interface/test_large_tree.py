@@ -47,7 +47,7 @@ def test_escape_ends_a_bake_at_once(tree: Window) -> None:
         tree.wait(lambda: not tree.run(BUSY), 20.0, "end of the bake")
         passed = time.monotonic() - pressed
         print(f"cancelled after {passed:.2f} s")
-        assert passed < 3.0, "a software renderer takes a second to draw the tree anew"
+        assert passed < 1.0
         assert names(tree) == before
 
 
