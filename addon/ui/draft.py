@@ -103,7 +103,7 @@ def is_draft(collection: bpy.types.Collection) -> bool:
 
 
 def remove_left_drafts(*_: object) -> None:
-    """Remove drafts without a bake, which Undo or a saved file bring back, and show what they hide."""
+    """Remove drafts if no bake runs, and show the objects that they hide. Undo and saved files can bring them back."""
     if running:
         return
     scene, layer = bpy.context.scene, bpy.context.view_layer

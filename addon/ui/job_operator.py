@@ -29,7 +29,7 @@ TAB = "Leafcloud"
 """The tab of the sidebar with all panels."""
 
 running: list[Job[Any]] = []
-"""The job of the running operator, after those in whose place it began."""
+"""The jobs of the running operator. The last one counts: a changed setting cancels a job and adds another."""
 
 cancelled: list[Job[Any]] = []
 """Those of them that a person has cancelled."""

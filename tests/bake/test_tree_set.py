@@ -16,7 +16,7 @@ from command_line import bake as bake_files
 from glb import read_glb
 from node_trees import new_material
 from numpy.typing import NDArray
-from scenes import add_mesh
+from scenes import add_mesh, collected
 
 import leafcloud
 from addon.bake.pipeline import layer_of
@@ -48,16 +48,6 @@ def crown(
     obj = add_mesh(f"{name}_leaves", [tuple(corner) for corner in corners.tolist()], faces, materials=[leaf])
     obj.parent = parent
     return obj
-
-
-def collected(name: str, *objects: bpy.types.Object) -> None:
-    """Move the objects into a new collection."""
-    collection = bpy.data.collections.new(name)
-    bpy.context.scene.collection.children.link(collection)
-    for obj in objects:
-        for other in obj.users_collection:
-            other.objects.unlink(obj)
-        collection.objects.link(obj)
 
 
 def red_and_blue() -> None:

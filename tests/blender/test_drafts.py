@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 import pytest
+from scenes import collected
 
 import leafcloud
 from addon.bake import tree_set
@@ -36,7 +37,10 @@ def started() -> tuple[Mapping[str, Prepared], ChainsJob]:
 
 
 def state() -> tuple[Any, ...]:
-    """Return the numbers of data-blocks, what is visible and selected, and the active object."""
+    """Return the number of data-blocks of each kind, the state of each object, and the active object.
+
+    The state of an object: its name, whether it is visible, hidden in renders, selected.
+    """
     scene = bpy.context.scene
     return (
         {kind: len(getattr(bpy.data, kind)) for kind in KINDS},
@@ -77,14 +81,10 @@ def test_a_draft_is_shown_in_place_of_its_sources(selected_shrub: list[bpy.types
 
 def test_drafts_of_several_trees_are_removed_with_their_set(selected_shrub: list[bpy.types.Object]) -> None:
     copies = [obj.copy() for obj in selected_shrub]
-    for name, objects in (("one", selected_shrub), ("two", copies)):
-        collection = bpy.data.collections.new(name)
-        bpy.context.scene.collection.children.link(collection)
-        for obj in objects:
-            for other in obj.users_collection:
-                other.objects.unlink(obj)
-            collection.objects.link(obj)
-            obj.select_set(True)
+    collected("one", *selected_shrub)
+    collected("two", *copies)
+    for obj in copies:
+        obj.select_set(True)
     bpy.context.scene.leafcloud.trees = "collections"
     before = state()
     steps, job = shown()

@@ -10,6 +10,7 @@ import bmesh
 import bpy
 import numpy as np
 from mathutils import Matrix
+from numpy.typing import NDArray
 
 from addon.bake.pipeline import layer_of, prepare
 from addon.bake.tree_set import bake_tree_set
@@ -98,3 +99,23 @@ def bake(tree: Tree, settings: BakeSettings) -> Baked:
     scene = bpy.context.scene
     prepared = {"tree": prepare(tree, replace(settings, every_level=True), layer_of(scene))}
     return bake_tree_set(prepared, scene, "tree", lambda stage, fraction: None).trees[0]
+
+
+def collected(name: str, *objects: bpy.types.Object) -> None:
+    """Move the objects into a new collection."""
+    collection = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(collection)
+    for obj in objects:
+        for other in obj.users_collection:
+            other.objects.unlink(obj)
+        collection.objects.link(obj)
+
+
+def tube(sides: int, rings: int, height: float = 8.0) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return a tube of radius 1 around the z axis, open at both ends."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    z = np.repeat(np.arange(rings + 1) / rings * height, sides)
+    positions = np.stack([np.tile(np.cos(angle), rings + 1), np.tile(np.sin(angle), rings + 1), z], axis=1)
+    i, ring = np.tile(np.arange(sides), rings), np.repeat(np.arange(rings), sides) * sides
+    a, b = ring + i, ring + (i + 1) % sides
+    return positions, np.stack([a, b, b + sides, a, b + sides, a + sides], axis=1).reshape(-1, 3).astype(np.int32)

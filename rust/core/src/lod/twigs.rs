@@ -13,8 +13,9 @@ use crate::foliage::Foliage;
 /// The twigs that the clouds so far have come to show.
 pub(super) struct Twigs {
     of_clouds: Vec<Option<Foliage>>,
-    /// Number of clouds whose twigs were added, and number of those whose twigs the last cloud shows.
+    /// Number of sets of twigs that were added so far.
     added: usize,
+    /// Number of sets of twigs that the last cloud shows.
     shown: usize,
     /// What the clouds are compared with, once it is rendered.
     compared: Option<Compared>,

@@ -1,7 +1,7 @@
 //! Finds the triangle that each sample of a tile shows: coverage, depth and alpha test, in blocks of samples.
 //!
-//! Blocks and rows that are hidden or transparent are skipped as a whole. Small triangles, most of which lie between the samples, are tested before
-//! their surface is prepared.
+//! A block or a row of samples is skipped if the triangle is hidden or transparent in all of it. Most small triangles contain no sample: the
+//! samples are tested before the surface of a small triangle is prepared.
 
 use std::ops::Range;
 
