@@ -11,6 +11,7 @@ use leafcloud::Foliage;
 use leafcloud::error::Result;
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
+use rayon::prelude::*;
 
 /// Number of waves.
 const WAVES: usize = 16;
@@ -62,14 +63,15 @@ pub fn swayed(leaves: &Foliage, motion: f64) -> Result<Foliage> {
         let of_wave = |wave: &Wave| wave.motion * libm::sin(TAU / LENGTH * place.dot(wave.along) + wave.phase);
         waves.iter().map(of_wave).sum()
     };
-    let pushes: Vec<[DVec3; 3]> = (0..leaves.triangle_count()).map(|t| leaves.corners(t).map(push)).collect();
+    let pushes: Vec<[DVec3; 3]> =
+        (0..leaves.triangle_count()).into_par_iter().map(|t| leaves.corners(t).map(push)).collect();
     let squares: f64 = pushes.as_flattened().iter().map(|push| push.length_squared()).sum();
     let strength = motion / (squares / (3 * pushes.len()).max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
     let moved = |(t, pushes): (usize, &[DVec3; 3])| {
         let corners = leaves.corners(t);
         std::array::from_fn(|i| corners[i] + strength * pushes[i])
     };
-    let corners: Vec<[DVec3; 3]> = pushes.iter().enumerate().map(moved).collect();
+    let corners: Vec<[DVec3; 3]> = pushes.par_iter().enumerate().map(moved).collect();
     leaves.with_corners(&corners)
 }
 

@@ -1,5 +1,7 @@
 //! Leaves with thin branches: a cloud shows both, and only the leaves are leaves of the tree.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3, Vec4};
 
 use super::{Attributes, Foliage, unmade};
@@ -23,13 +25,10 @@ impl Foliage {
                 .copied()
                 .chain(wood.triangles.iter().map(|t| t.map(|v| v + vertices)))
                 .collect(),
-            attributes: Attributes {
-                leaf_ids: leaf_ids.iter().map(|&leaf| i64::from(leaf)).collect(),
-                ..self.attributes_with(wood)
-            },
+            attributes: Arc::new(self.attributes_with(wood)),
             coverage: unmade(&materials),
             materials: materials.into(),
-            leaf_ids,
+            leaf_ids: leaf_ids.into(),
             leaf_count: self.leaf_count + wood.leaf_count,
             labelled: self.labelled.min(triangles),
         }
@@ -39,8 +38,7 @@ impl Foliage {
     #[must_use]
     pub fn with_leaves(&self, leaves: &[i64]) -> Self {
         let (leaf_ids, leaf_count) = super::number_by_appearance(leaves.iter());
-        let attributes = Attributes { leaf_ids: leaves.to_vec(), ..self.attributes.clone() };
-        Self { attributes, leaf_ids, leaf_count, ..self.clone() }
+        Self { leaf_ids: leaf_ids.into(), leaf_count, ..self.clone() }
     }
 
     /// Returns the attributes of both, but for the leaves.
@@ -50,7 +48,7 @@ impl Foliage {
         let normals = if both.iter().all(|each| each.normals.is_empty()) {
             Vec::new()
         } else {
-            [self, wood].into_iter().flat_map(|part| part.with_normals().attributes.normals).collect()
+            [self, wood].map(Self::with_normals).iter().flat_map(|part| part.attributes.normals.clone()).collect()
         };
         let back = |part: &Attributes, count: usize| -> Vec<[Vec3; 3]> {
             if part.back_colors.is_empty() {

@@ -15,6 +15,7 @@ mod texel_mask;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 pub use material::{AlphaMode, Image, Material};
 pub use opaque::{Opacity, Visible, place};
@@ -45,17 +46,17 @@ pub struct Attributes {
     pub protected: Vec<bool>,
 }
 
-/// Foliage in its local frame (center of the bounding box at the origin, R = 1).
+/// Foliage in its local frame (center of the bounding box at the origin, R = 1). Copies share their arrays.
 #[derive(Clone, Debug)]
 pub struct Foliage {
     frame: Frame,
-    positions: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
-    attributes: Attributes,
+    positions: Arc<[DVec3]>,
+    triangles: Arc<[[u32; 3]]>,
+    attributes: Arc<Attributes>,
     materials: Arc<[Material]>,
     /// Pyramids of the drawn share of each material's texels, built on first use from afar.
     coverage: Arc<[OnceLock<Pyramid<u8>>]>,
-    leaf_ids: Vec<u32>,
+    leaf_ids: Arc<[u32]>,
     leaf_count: usize,
     /// Number of triangles, from the first, that are leaves, which get labels on an atlas page. Trunks have none.
     labelled: usize,
@@ -78,34 +79,27 @@ impl Foliage {
             return Err(Error::invalid("the foliage has no triangles; select a mesh with faces"));
         }
         check_indices(&triangles, positions.len())?;
-        check_finite(positions)?;
         let materials = if materials.is_empty() { vec![Material::default()] } else { materials };
         let materials: Arc<[Material]> = materials.into_iter().map(Material::settled).collect();
         check_attributes(&attributes, triangles.len(), materials.len())?;
-        // Only used vertices count: a stray vertex must not set the scale.
-        let corners = triangles.iter().flatten().map(|&v| positions[v as usize]);
-        let degenerate = || {
-            let far = corners.clone().map(DVec3::length).fold(0.0, f64::max);
-            Error::invalid(format!(
-                "all {} triangles have zero area; check the scale of the mesh, and its place: {far:.1e} from the origin coordinates are \
-                 rounded by {:.1e}",
-                triangles.len(),
-                far * f64::EPSILON
-            ))
-        };
-        let frame = Frame::of(corners.clone()).ok_or_else(degenerate)?;
-        check_strays(positions, &triangles, &frame)?;
-        let local: Vec<DVec3> = positions.iter().map(|&p| frame.to_local(p)).collect();
-        if triangles.iter().all(|t| area_vector(t.map(|v| local[v as usize])).length() == 0.0) {
-            return Err(degenerate());
-        }
+        let (frame, local) = located(positions, &triangles)?;
         let (leaf_ids, leaf_count) = if attributes.leaf_ids.is_empty() {
             leaves::components(&local, &triangles)
         } else {
             number_by_appearance(attributes.leaf_ids.iter())
         };
         let (coverage, labelled) = (unmade(&materials), triangles.len());
-        Ok(Self { frame, positions: local, triangles, attributes, materials, coverage, leaf_ids, leaf_count, labelled })
+        Ok(Self {
+            frame,
+            positions: local,
+            triangles: triangles.into(),
+            attributes: Arc::new(attributes),
+            materials,
+            coverage,
+            leaf_ids: leaf_ids.into(),
+            leaf_count,
+            labelled,
+        })
     }
 
     /// Returns the local frame in the caller's coordinates.
@@ -220,12 +214,13 @@ impl Foliage {
     /// Returns the same foliage with the normals of its faces where it has none of its own, so that leaves that move later keep them.
     #[must_use]
     pub fn with_normals(&self) -> Self {
-        let mut made = self.clone();
-        if made.attributes.normals.is_empty() {
-            let normal = |triangle: usize| self.area_vector(triangle).normalize_or_zero().as_vec3();
-            made.attributes.normals = (0..self.triangle_count()).map(|triangle| [normal(triangle); 3]).collect();
+        if !self.attributes.normals.is_empty() {
+            return self.clone();
         }
-        made
+        let normal = |triangle: usize| self.area_vector(triangle).normalize_or_zero().as_vec3();
+        let normals = (0..self.triangle_count()).map(|triangle| [normal(triangle); 3]).collect();
+        let attributes = Arc::new(Attributes { normals, ..Attributes::clone(&self.attributes) });
+        Self { attributes, ..self.clone() }
     }
 
     /// Returns the same foliage with `change` applied to each material.
@@ -234,6 +229,34 @@ impl Foliage {
         let materials: Arc<[Material]> = self.materials.iter().map(change).collect();
         Self { coverage: unmade(&materials), materials, ..self.clone() }
     }
+}
+
+/// Checks positions. Returns the local frame of the triangles and the positions there.
+fn located(positions: &[DVec3], triangles: &[[u32; 3]]) -> Result<(Frame, Arc<[DVec3]>)> {
+    check_finite(positions)?;
+    // Only used vertices count: a stray vertex must not set the scale.
+    let corners = triangles.iter().flatten().map(|&v| positions[v as usize]);
+    let frame = Frame::of(corners.clone()).ok_or_else(|| degenerate(corners.clone()))?;
+    check_strays(positions, triangles, &frame)?;
+    let local: Vec<DVec3> = positions.par_iter().map(|&p| frame.to_local(p)).collect();
+    if triangles.iter().all(|t| area_vector(t.map(|v| local[v as usize])).length() == 0.0) {
+        return Err(degenerate(corners));
+    }
+    Ok((frame, local.into()))
+}
+
+/// Returns the error for triangles of zero area.
+fn degenerate(corners: impl Iterator<Item = DVec3>) -> Error {
+    let (mut far, mut count) = (0.0, 0);
+    for corner in corners {
+        (far, count) = (corner.length().max(far), count + 1);
+    }
+    Error::invalid(format!(
+        "all {} triangles have zero area; check the scale of the mesh, and its place: {far:.1e} from the origin coordinates are \
+         rounded by {:.1e}",
+        count / 3,
+        far * f64::EPSILON
+    ))
 }
 
 fn unmade(materials: &[Material]) -> Arc<[OnceLock<Pyramid<u8>>]> {

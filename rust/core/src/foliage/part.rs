@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
-use super::{Attributes, Foliage};
+use super::{Attributes, Foliage, located};
 use crate::error::Result;
 
 impl Attributes {
@@ -40,8 +41,10 @@ impl Foliage {
     /// If the number of entries is not the number of triangles.
     pub fn with_corners(&self, corners: &[[DVec3; 3]]) -> Result<Self> {
         assert_eq!(corners.len(), self.triangle_count(), "an entry for each triangle");
-        let all: Vec<u32> = (0..corners.len() as u32).collect();
-        self.part(&all, corners)
+        let triangles: Arc<[[u32; 3]]> = (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+        let places: Vec<DVec3> = corners.as_flattened().par_iter().map(|&p| self.frame.to_caller(p)).collect();
+        let (frame, positions) = located(&places, &triangles)?;
+        Ok(Self { frame, positions, triangles, ..self.clone() }.at(self.frame.placement))
     }
 
     /// Returns some of the triangles with other corners; `corners` are local, one entry for each of `triangles`.

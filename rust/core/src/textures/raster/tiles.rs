@@ -20,10 +20,22 @@ impl Tiles {
 
     /// Returns, for each tile, the triangles with bounds that touch it, near ones first; without those that lie between the samples.
     pub fn lists(&self, triangles: &[ScreenTriangle], samples: Samples) -> Vec<Vec<u32>> {
+        let of_chunk = |(i, chunk): (usize, &[ScreenTriangle])| self.touched(chunk, (i * CHUNK) as u32, samples);
+        let parts: Vec<Vec<Vec<Near>>> = triangles.par_chunks(CHUNK).enumerate().map(of_chunk).collect();
+        let list = |tile: usize| {
+            let mut list: Vec<Near> = parts.iter().flat_map(|part| &part[tile]).copied().collect();
+            list.sort_unstable();
+            list.into_iter().map(|near| near as u32).collect()
+        };
+        (0..self.columns * self.rows).into_par_iter().map(list).collect()
+    }
+
+    /// Returns, for each tile, those of some triangles that touch it. `first`: number of the first triangle.
+    fn touched(&self, triangles: &[ScreenTriangle], first: u32, samples: Samples) -> Vec<Vec<Near>> {
         let mut lists = vec![Vec::new(); self.columns * self.rows];
         let scale = samples.side() as f32;
         let is_between = |low: f32, high: f32| middles(low * scale, high * scale, usize::MAX).is_empty();
-        for (index, triangle) in (0u32..).zip(triangles) {
+        for (index, triangle) in (first..).zip(triangles) {
             let (low, high) = bounds(&triangle.corners);
             if is_between(low.x, high.x) || is_between(low.y, high.y) {
                 continue;
@@ -34,15 +46,25 @@ impl Tiles {
             let columns = within(covered(low.x, high.x, TILE as f32, self.columns), &triangle.window.columns);
             for row in within(covered(low.y, high.y, TILE as f32, self.rows), &triangle.window.rows) {
                 for column in columns.clone() {
-                    lists[row * self.columns + column].push(index);
+                    lists[row * self.columns + column].push(near(triangle.nearest(), index));
                 }
             }
         }
-        let nearest: Vec<f32> = triangles.iter().map(ScreenTriangle::nearest).collect();
-        let nearer_first = |a: &u32, b: &u32| nearest[*b as usize].total_cmp(&nearest[*a as usize]);
-        lists.par_iter_mut().for_each(|list| list.sort_by(nearer_first));
         lists
     }
+}
+
+/// Triangles for which a thread makes lists of its own.
+const CHUNK: usize = 1 << 15;
+
+/// The number of a triangle in the lower half, above it a number that is smaller for a nearer triangle.
+type Near = u64;
+
+fn near(depth: f32, index: u32) -> Near {
+    // Bits of floats are ordered like them once those of negative ones are turned over, as in `f32::total_cmp`.
+    let bits = depth.to_bits();
+    let ascending = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
+    u64::from(!ascending) << 32 | u64::from(index)
 }
 
 pub(super) fn bounds([a, b, c]: &[Vec3; 3]) -> (Vec2, Vec2) {
