@@ -168,6 +168,8 @@ pub(crate) struct Tree<'a> {
     pub thin: Vec<u32>,
     /// Levels of fewer leaves, once they are known: they are the same for all clouds that are tried.
     pub fewer: OnceCell<Vec<(LeafLevel, Prices)>>,
+    /// What the tree's own leaves cost to draw, once it is known.
+    pub price: OnceCell<Prices>,
     /// Yardsticks for clouds that show these triangles of the trunk.
     pub yardsticks: RefCell<Vec<(Vec<u32>, Rc<Yardstick<'a>>)>>,
     /// The yardstick for impostors, which show the trunk, too.
@@ -181,8 +183,8 @@ impl<'a> Tree<'a> {
         let (up, lit) = (settings.up, settings.is_lit());
         let of_impostors =
             Yardstick::new(Cow::Borrowed(foliage), trunk.map(Cow::Borrowed), up, lit, LARGEST_OF_IMPOSTORS);
-        let (fewer, yardsticks, sketches) = Default::default();
-        Self { foliage, trunk, settings, thin, fewer, yardsticks, of_impostors, sketches }
+        let (fewer, price, yardsticks, sketches) = Default::default();
+        Self { foliage, trunk, settings, thin, fewer, price, yardsticks, of_impostors, sketches }
     }
 }
 

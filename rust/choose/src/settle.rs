@@ -117,8 +117,9 @@ impl<'a> Tree<'a> {
             let shown = chosen.twigs.get(number).map_or(&[][..], Vec::as_slice);
             self.priced(&drawn(level, wishes)?, self.left_of(shown, level.atlas.triangles())?.as_ref(), scene)
         };
+        let leaves = self.price.get().cloned().map_or_else(|| beside(self.foliage), Ok)?;
         Ok(Costs {
-            leaves: beside(self.foliage)?,
+            leaves: self.price.get_or_init(|| leaves).clone(),
             simplified: chosen.leaf_levels.first().map(|level| beside(&level.leaves.foliage)).transpose()?,
             clouds: clouds(&chosen.chain).enumerate().map(of_cloud).collect::<Result<_>>()?,
             trunk,
