@@ -34,7 +34,7 @@ GROUP_NAME = "Leafcloud Forest"
 MOST_VARIANTS = 16
 
 _LAYOUT_KEY = "leafcloud_forest_layout"
-_LAYOUT = 2
+_LAYOUT = 3
 """Version stored in the group. Increase it when inputs or laws change: files made earlier then keep their group."""
 
 

@@ -10,6 +10,10 @@ import bpy
 
 from ..versions import InputValue, set_modifier_input
 from .builder import Section
+from .eye import GROUP_NAME as EYE_NAME
+from .eye import LAYOUT as EYE_LAYOUT
+from .eye import LAYOUT_KEY as EYE_KEY
+from .eye import fill_eye
 
 NEVER = 1e9
 """A distance that no camera reaches."""
@@ -86,11 +90,20 @@ def declare(tree: bpy.types.NodeTree, name: str, kind: str, description: str, pa
 
 
 class CameraNodes:
-    """The scene's active camera in the coordinates of the object with the modifier."""
+    """The object from which levels are seen, in the coordinates of the object with the modifier.
 
-    def __init__(self, section: Section) -> None:
-        active = section.result("GeometryNodeInputActiveCamera")
-        info = section.node("GeometryNodeObjectInfo", active, label="Camera in local space", transform_space="RELATIVE")
+    It is the scene's active camera; unless `only_camera`, 3D views may have an eye of their own (`nodes.eye`).
+    """
+
+    def __init__(self, section: Section, *, only_camera: bool = False) -> None:
+        if only_camera:
+            seen_from = section.result("GeometryNodeInputActiveCamera")
+        else:
+            eye = group_of_layout(EYE_NAME, EYE_KEY, EYE_LAYOUT, fill_eye)
+            seen_from = section.result("GeometryNodeGroup", label=EYE_NAME, node_tree=eye)
+        info = section.node(
+            "GeometryNodeObjectInfo", seen_from, label="Camera in local space", transform_space="RELATIVE"
+        )
         # Object Info gives the scale 0 only if no object is set.
         size = section.vector("LENGTH", info.outputs["Scale"])
         self.location = info.outputs["Location"]

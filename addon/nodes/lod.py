@@ -73,7 +73,7 @@ from .laws import (
 
 GROUP_NAME = "Leafcloud LOD"
 _LAYOUT_KEY = "leafcloud_lod_layout"
-_LAYOUT = 7
+_LAYOUT = 8
 """Version stored in the group. Increase it when inputs or laws change: files baked earlier then keep their group."""
 
 

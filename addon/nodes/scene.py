@@ -244,7 +244,7 @@ def _told(
 def _distances(section: Section) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """Return d from the camera to each tree's center, in the coordinates of the object with the modifier and of the
     tree."""
-    camera = CameraNodes(section)
+    camera = CameraNodes(section, only_camera=True)
     centre = section.group_input("Centre")
     transform = section.result("GeometryNodeInstanceTransform")
     here = section.result("FunctionNodeTransformPoint", centre, transform, label="Center of the tree")

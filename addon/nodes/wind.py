@@ -82,7 +82,7 @@ GROUP_NAME = "Leafcloud Wind"
 SWAY_NAME = "Leafcloud Sway"
 _LAYOUT_KEY = "leafcloud_wind_layout"
 _SWAY_KEY = "leafcloud_sway_layout"
-_LAYOUT = 3
+_LAYOUT = 4
 """Version stored in both groups. Increase it when inputs or laws change: files baked earlier then keep their groups."""
 
 HALF_FORCE = 4.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..viewport.eye import follow_views, stop_following
 from .billboard_leaves import LEAFCLOUD_OT_select_billboard
 from .curve import LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_PT_curve, forget_curve
 from .draft import HANDLERS as DRAFT_HANDLERS
@@ -40,8 +41,8 @@ from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneS
 from .selected_tree import forget_selection
 from .tree_panel import LEAFCLOUD_OT_remove, LEAFCLOUD_OT_show_level, LEAFCLOUD_PT_tree
 from .trees_panel import LEAFCLOUD_OT_select_tree, LEAFCLOUD_PT_trees
-from .viewport import HANDLERS as PREVIEW_HANDLERS
-from .viewport import LEAFCLOUD_OT_preview, stop_preview
+from .views import HANDLERS as VIEW_HANDLERS
+from .views import LEAFCLOUD_OT_labels, stop_labels
 
 _OF_SCENE = {
     "leafcloud": LeafcloudSettings,
@@ -50,7 +51,7 @@ _OF_SCENE = {
 }
 _CLASSES = (
     *(*_OF_SCENE.values(), LeafcloudPlanRow, LeafcloudStatus),
-    *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_preview, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
+    *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_labels, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     LEAFCLOUD_OT_export_forest,
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
     *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_mend_rendering, LEAFCLOUD_OT_cancel),
@@ -85,14 +86,16 @@ def register() -> None:
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
     register_presets()
     add_menu()
-    add_handlers(PREVIEW_HANDLERS, INSTANCE_HANDLERS, DRAFT_HANDLERS, (("load_post", _forget_file),))
+    add_handlers(VIEW_HANDLERS, INSTANCE_HANDLERS, DRAFT_HANDLERS, (("load_post", _forget_file),))
+    follow_views()
 
 
 def unregister() -> None:
     remove_handlers()
     stop_offers()
     cancel_running()
-    stop_preview()
+    stop_labels()
+    stop_following()
     remove_menu()
     unregister_presets()
     forget_curve()

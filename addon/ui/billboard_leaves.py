@@ -44,7 +44,7 @@ class LEAFCLOUD_OT_select_billboard(bpy.types.Operator):
         elif level is None:
             problem = "Make a baked tree active, or one of its levels that morphs onto billboards"
         elif context.mode == "OBJECT" and not level.visible_get():
-            problem = f"{level.name} is hidden: press Auto, and stop the preview"
+            problem = f"{level.name} is hidden: press Auto"
         if problem:
             cls.poll_message_set(problem)
         return not problem

@@ -23,7 +23,6 @@ from .handlers import Handlers
 from .job_operator import running
 from .measured import keep_figures
 from .selection import parts_of, select_only, shown_instead
-from .viewport import draw_new_levels
 
 COARSEST, FINEST = 0.25, 0.05
 """ε of a draft for the qualities 0 and 1, as fractions of R: mostly larger than those that the search finds."""
@@ -78,7 +77,6 @@ def drawn_draft(context: bpy.types.Context, prepared: Mapping[str, Prepared], jo
             for tree in tree_set.trees:
                 keep_figures(tree)
             select_only(context, parts_of(tree_set))
-            draw_new_levels(context.view_layer)
             while True:
                 yield
     finally:
@@ -86,7 +84,6 @@ def drawn_draft(context: bpy.types.Context, prepared: Mapping[str, Prepared], jo
             remove_levels(tree.collection)
         bpy.data.batch_remove([each for each in bpy.data.node_groups if each not in groups and not each.users])
         context.view_layer.update()  # Its list of objects has gaps before.
-        draw_new_levels(context.view_layer)
 
 
 def _mark(tree_set: TreeSet) -> None:

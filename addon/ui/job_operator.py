@@ -17,7 +17,6 @@ from ..settings.setting import SettingsError
 from ..steps import Steps, all_steps, in_turns, no_steps
 from .progress import show
 from .properties import with_labels
-from .viewport import is_previewed
 
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
@@ -70,8 +69,7 @@ def _forget_jobs() -> None:
 def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) -> bool:
     """Return whether the operator can start now. Set the poll message if it cannot."""
     if not context.selected_objects:
-        remedy = "stop the preview, which hides the levels" if is_previewed() else "select the tree's leaves and trunk"
-        operator.poll_message_set(f"Nothing is selected: {remedy}")
+        operator.poll_message_set("Nothing is selected: select the tree's leaves and trunk")
         return False
     if context.mode != "OBJECT":
         operator.poll_message_set("Switch to Object Mode first")

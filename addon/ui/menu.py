@@ -20,7 +20,7 @@ class LEAFCLOUD_MT_object(bpy.types.Menu):
 
 _GROUPS = (
     ("sample", "import_folder"),
-    ("bake", "preview", "export", "remove"),
+    ("bake", "labels", "export", "remove"),
     ("place", "asset", "place_instances", "select_billboard"),
     ("curve", "forest", "scene"),
 )

@@ -38,7 +38,6 @@ from .preferences import preference
 from .progress import show
 from .properties import LeafcloudSettings, bake_settings, show_plan, with_labels
 from .selection import parts_of, select_only, selected_trees
-from .viewport import draw_new_levels
 
 
 class LEAFCLOUD_OT_plan(bpy.types.Operator):
@@ -129,7 +128,6 @@ class LEAFCLOUD_OT_bake(JobOperator, bpy.types.Operator):
             obj.hide_set(True)
             obj.hide_render = True
         select_only(context, parts_of(tree_set))
-        draw_new_levels(context.view_layer)
         for tree in tree_set.trees:
             keep_warnings(tree.collection, map(with_labels, tree.prepared.warnings))
         for warning in dict.fromkeys(warning for tree in tree_set.trees for warning in tree.prepared.warnings):

@@ -12,7 +12,7 @@ from ..settings.effects import EFFECTS
 from .presets import LEAFCLOUD_PT_presets
 from .properties import AUTO, OFF, ON, effect_label, effect_property
 from .selected_tree import selection_words
-from .viewport import is_previewed
+from .views import are_labelled
 from .wrapped import add_text
 
 
@@ -57,7 +57,7 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
             row.operator("leafcloud.bake")
         if status.note and status.viewer != settings.viewer:
             _add_note(layout, context)
-        layout.operator("leafcloud.preview", depress=is_previewed())
+        layout.operator("leafcloud.labels", depress=are_labelled())
 
 
 class _Settings:

@@ -18,7 +18,6 @@ from ..nodes.laws import LOD_DISTANCE
 from .job_operator import refuse
 from .on_tree import OnTree, active_tree
 from .rendering import draw_faults
-from .viewport import draw_new_levels, stop_preview
 from .wrapped import add_text
 
 _PICTURE, _SCALE = 0.32, 4.0
@@ -49,7 +48,6 @@ class LEAFCLOUD_OT_show_level(OnTree, bpy.types.Operator):
         if self.level >= 0 and self.level not in numbers:
             self.report({"ERROR"}, f"{tree.name} has no level {self.level}; it has the levels 0 to {max(numbers)}")
             return {"CANCELLED"}
-        stop_preview()  # It draws levels by distance.
         try:
             show_level(tree, None if self.level == AUTO else self.level, context.view_layer)
         except SceneError as error:
@@ -79,7 +77,6 @@ class LEAFCLOUD_OT_remove(OnTree, bpy.types.Operator):
             obj.hide_set(False)
             obj.hide_render = False
             obj.select_set(True)
-        draw_new_levels(context.view_layer)
         context.view_layer.objects.active = next((obj for obj in sources if obj.name == made.name), sources[0])
         self.report({"INFO"}, f"Removed the levels of {name}, and showed its sources")
         return {"FINISHED"}

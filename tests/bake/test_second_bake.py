@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -14,8 +13,6 @@ from night import rest_at_night
 from scenes import add_mesh, import_part, read
 
 from addon.errors import SceneError
-from addon.ui.viewport import is_previewed, start_preview, stop_preview
-from addon.viewport.draw import levels_in
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -72,29 +69,6 @@ def test_sources_are_found_under_other_names(selected: str, sources: list[bpy.ty
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}
     assert [each.name for each in bpy.context.scene.collection.children] == before
     assert [obj.name for obj in bpy.data.objects if "_LOD0" in obj.name] == ["leaves_LOD0", "leaves_LOD0_trunk"]
-
-
-def test_a_preview_goes_on_with_the_levels_of_a_second_bake(sources: list[bpy.types.Object]) -> None:
-    """The function that draws does nothing: drawing needs a window."""
-    drawn: list[list[bpy.types.Object]] = []
-
-    def drawer(levels: list[bpy.types.Object]) -> dict[str, Callable[[], None]]:
-        drawn.append(levels)
-        return {"POST_VIEW": lambda: None}
-
-    bpy.ops.leafcloud.bake()
-    start_preview(bpy.context.view_layer, drawer)
-    select(*sources)
-    bpy.ops.leafcloud.bake()
-    try:
-        levels = levels_in(bpy.context.scene)
-        assert is_previewed()
-        assert drawn[-1] == levels != []
-        assert not any(level.visible_get() for level in levels)
-        stop_preview()
-        assert all(level.visible_get() for level in levels)
-    finally:
-        stop_preview()
 
 
 @pytest.mark.night

@@ -23,7 +23,6 @@ from addon.levels.octahedral import plain_files
 from addon.mesh.baked_levels import EXTRAS, plain_mesh
 from addon.settings.bake import BakeSettings
 from addon.settings.setting import SettingsError
-from addon.viewport.corners import parts_of
 
 SIDE, GRID = 32, 4
 SHAPE: dict[str, Any] = {"levels": 1, "epsilon": 0.1, "quality": 0.1, "texture_size": 128, "last": "octahedral"}
@@ -172,14 +171,6 @@ def test_the_level_is_itself_again_after_files_are_written(shrub: Path) -> None:
     with plain_files(tree.levels, 7.0):
         assert (obj.data, obj[EXTRAS]["switch_distance"], list(obj.keys())) == (plain, 7.0, [EXTRAS])
     assert (obj.data, obj[EXTRAS].to_dict(), plain_mesh(obj)) == (own, extras, plain)
-
-
-def test_the_preview_shows_the_cross_impostor(shrub: Path) -> None:
-    tree = baked(shrub, effects="none")
-    obj = tree.levels[-1].object
-    [part] = parts_of(obj)
-    assert len(part.attributes["position"]) == 3 * last_of(tree).cross.triangles
-    assert part.paint.color is not None
 
 
 def test_it_takes_over_where_its_picture_is_good_enough(shrub: Path) -> None:

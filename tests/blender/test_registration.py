@@ -27,7 +27,7 @@ def count():
 before = count()
 for _ in range(3):
     addon.register()
-    assert count() == before + 15, count()
+    assert count() == before + 9, count()
     addon.unregister()
     assert count() == before
 """

@@ -1,4 +1,4 @@
-"""The labels of the preview: one for each tree, with the level that is drawn at its distance."""
+"""Labels of levels: one for each tree, with the level that is drawn at its distance."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 from kept_scenes import open_scene
 from mathutils import Vector
 
+from addon.levels.shown import show_level
 from addon.mesh.baked_levels import level_number
-from addon.viewport.draw import centre_of
-from addon.viewport.labels import MOST, Labels, length_words
+from addon.viewport.labels import MOST, centre_of, length_words, levels_in, seen_from
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("registered")
 @pytest.fixture
 def levels(registered: None, shrub: Path) -> list[bpy.types.Object]:
     """Return the levels of a tree. Level 1 takes over at 128 radii, level 2 at 160, the cross at 200."""
-    open_scene("preview labels", lambda: bake(shrub))
+    open_scene("level labels", lambda: bake(shrub))
     found = [obj for obj in bpy.data.collections["leaves"].objects if level_number(obj) is not None]
     return sorted(found, key=lambda obj: obj.name)
 
@@ -41,7 +41,7 @@ def eye_at(levels: list[bpy.types.Object], radii: float) -> Vector:
 @pytest.mark.parametrize(("radii", "number"), [(1.0, 0), (120.0, 0), (145.0, 1), (180.0, 2), (300.0, 3)])
 def test_each_tree_has_the_label_of_its_level(levels: list[bpy.types.Object], radii: float, number: int) -> None:
     eye = eye_at(levels, radii)
-    [label] = Labels(levels).seen_from(eye)
+    [label] = seen_from(eye, levels)
     level = levels[number]
     parts = [level.data, *(child.data for child in level.children)]
     triangles = sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in parts)
@@ -62,23 +62,21 @@ def test_lengths_are_in_the_units_of_the_scene() -> None:
 def test_a_mirrored_tree_has_its_label_above_it(levels: list[bpy.types.Object]) -> None:
     levels[0].parent.scale = (-1.0, -1.0, -1.0)
     bpy.context.view_layer.update()
-    [label] = Labels(levels).seen_from(eye_at(levels, 1.0))
+    [label] = seen_from(eye_at(levels, 1.0), levels)
     assert label.place.z > (levels[0].matrix_world @ centre_of(levels[0])).z
 
 
 def test_the_label_follows_the_lod_distance(levels: list[bpy.types.Object]) -> None:
-    labels = Labels(levels)
     levels[0].parent["LOD Distance"] = 10.0
     levels[0].parent.update_tag()
     bpy.context.view_layer.update()
-    [label] = labels.seen_from(eye_at(levels, 300.0))
+    [label] = seen_from(eye_at(levels, 300.0), levels)
     assert label.text.startswith("leaves")
 
 
 def test_a_fade_has_one_label(levels: list[bpy.types.Object]) -> None:
-    labels = Labels(levels)
     for radii in range(1, 320):
-        assert len(labels.seen_from(eye_at(levels, float(radii)))) == 1, radii
+        assert len(seen_from(eye_at(levels, float(radii)), levels)) == 1, radii
 
 
 def test_the_nearest_trees_have_labels(levels: list[bpy.types.Object]) -> None:
@@ -89,7 +87,7 @@ def test_the_nearest_trees_have_labels(levels: list[bpy.types.Object]) -> None:
         bpy.context.scene.collection.objects.link(copy)
         copies.append(copy)
     bpy.context.view_layer.update()
-    found = Labels(copies).seen_from(eye_at(levels, 1.0))
+    found = seen_from(eye_at(levels, 1.0), copies)
     assert len(found) == MOST
     distances = [label.distance for label in found]
     assert distances == sorted(distances, reverse=True)
@@ -97,7 +95,13 @@ def test_the_nearest_trees_have_labels(levels: list[bpy.types.Object]) -> None:
 
 
 def test_deleted_levels_have_no_label(levels: list[bpy.types.Object]) -> None:
-    labels = Labels(levels)
     for level in levels:
         bpy.data.objects.remove(level)
-    assert labels.seen_from(Vector((1.0, 0.0, 0.0))) == []
+    assert seen_from(Vector((1.0, 0.0, 0.0)), levels) == []
+
+
+def test_a_level_that_is_shown_at_all_distances_has_the_label(levels: list[bpy.types.Object]) -> None:
+    show_level(bpy.data.collections["leaves"], 2, bpy.context.view_layer)
+    shown = [level for level in levels_in(bpy.context.scene) if level.visible_get()]
+    [label] = seen_from(eye_at(levels, 1.0), shown)
+    assert label.text.startswith("level 2")
