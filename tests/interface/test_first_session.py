@@ -113,24 +113,55 @@ def test_escape_leaves_everything_as_it_was(blender: Window) -> None:
     blender.run("bpy.context.scene.leafcloud.effort = 'default'")
 
 
-def test_the_preview_draws_leaves(blender: Window) -> None:
+def shown_levels(blender: Window) -> list[int]:
+    """Return the numbers of the levels that 3D views draw."""
+    return list(
+        blender.run(
+            _STATE
+            + """
+levels = [obj for obj in bpy.data.collections["leaves"].all_objects if obj.type == "MESH" and obj.visible_get()]
+result = sorted({int(obj.name.split("_LOD")[1][0]) for obj in levels if drawn(obj)})
+"""
+        )
+    )
+
+
+def test_levels_follow_the_view(blender: Window) -> None:
     blender.move(600, 500)
     blender.keys("z")  # The pie of shadings: material preview shows the leaves' own color.
     blender.keys("2")
     blender.wait(
         lambda: greens(blender.capture("6_material")) > 5_000, 60.0, "leaves: EEVEE compiles its shaders first"
     )
-    own = greens(blender.capture("6_material"))
-    blender.search("Preview in 3D Views")
-    blender.move(620, 520)
-    blender.settle()
-    shown = greens(blender.capture("7_preview"))
+    assert shown_levels(blender) == [0]
+    blender.search("Label Levels")
     blender.move(600, 500)
+    blender.settle(0.5)
+    blender.capture("7_labels")
     blender.zoom_out(18)
-    blender.settle()
-    blender.capture("8_preview_far")
-    blender.search("Preview in 3D Views")
-    assert 0.5 * own < shown < 2.0 * own
+    blender.wait(lambda: 0 not in shown_levels(blender), 10.0, "level for the distance of the view")
+    blender.settle(1.0)
+    assert greens(blender.capture("8_far")) > 0
+    blender.search("Label Levels")
+    blender.move(600, 500)
+    blender.keys("KP_Decimal")
+    blender.wait(lambda: shown_levels(blender) == [0], 10.0, "leaves")
+
+
+def test_the_camera_decides_in_a_view_through_it(blender: Window) -> None:
+    blender.run("""
+camera = bpy.data.objects.new("far", bpy.data.cameras.new("far"))
+bpy.context.scene.collection.objects.link(camera)
+bpy.context.scene.camera = camera
+camera.location = (500.0, 0.0, 0.5)
+""")
+    blender.settle(1.0)
+    assert shown_levels(blender) == [0], "the camera is far, the view is near"
+    blender.keys("KP_0")
+    blender.wait(lambda: 0 not in shown_levels(blender), 10.0, "level for the distance of the camera")
+    blender.keys("KP_0")
+    blender.wait(lambda: shown_levels(blender) == [0], 10.0, "leaves")
+    blender.run("bpy.data.objects.remove(bpy.data.objects['far'])")
 
 
 def test_the_tree_moves_as_one(blender: Window) -> None:
