@@ -390,8 +390,10 @@ class _Stages:
 
     def __call__(self, stage: str, fraction: float) -> None:
         if self._stage not in self._told and time.monotonic() - self._begin > SLOW_SECONDS:
+            from addon.bake.job import stage_words
+
             self._told.add(self._stage)
-            self._console.progress(self._stage)
+            self._console.progress(stage_words(self._stage))
         if stage != self._stage:
             self._stage, self._begin = stage, time.monotonic()
 

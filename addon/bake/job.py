@@ -11,6 +11,27 @@ Progress = Callable[[str, float], None]
 
 POLL_SECONDS = 0.1
 
+_WORDS = {
+    "prepare": "read leaves",
+    "measure": "see what leaves hide",
+    "simplify": "simplify leaves",
+    "fit": "find planes",
+    "pack": "arrange textures",
+    "bake": "draw textures",
+    "tune": "match colors",
+    "refine": "improve textures",
+    "draw": "compare pictures",
+    "order": "sort triangles",
+    "build": "make levels",
+}
+"""What stages do, in a person's words; the names of the others tell it."""
+
+
+def stage_words(stage: str) -> str:
+    """Return a stage in words: "TREE: fit" as "TREE: find planes"."""
+    tree, colon, kind = stage.rpartition(": ")
+    return f"{tree}{colon}{_WORDS.get(kind, kind)}"
+
 
 class StageClock:
     """Progress that is passed on, with the seconds of each stage. They add up to the time since `started`."""

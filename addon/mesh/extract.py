@@ -25,7 +25,7 @@ from ..errors import SceneError
 from ..geometry import Geometry, Tree
 from ..material.surface import Surface, read_surface
 from ..material.textures import ACTIVE, Texture
-from ..plan.leaves import LeavesError, MaterialPart, choose_leaves, names_of
+from ..plan.leaves import LeavesError, MaterialPart, choose_leaves, is_any_tree, names_of
 from .baked_levels import record_of
 from .meshes import Copies, gather
 from .realise import Triangles, joined, realise, relative, used_only
@@ -236,8 +236,23 @@ def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] |
         return bpy.path.display_name_from_filepath(bpy.data.filepath)
     active = depsgraph.view_layer.objects.active
     if selected is not None and active is not None and active.original in [obj.original for obj in selected]:
-        return active.name
+        return _telling_name(active.original)
     return frame.owner_name
+
+
+def _telling_name(obj: bpy.types.Object) -> str:
+    """Return the name of an object; of its parent, collection or file, if it is just "leaves" or the like."""
+    above, parent = [obj.name], obj.parent
+    while parent is not None:
+        above.append(parent.name)
+        parent = parent.parent
+    above += [each.name for each in obj.users_collection if each.name not in _USUAL_COLLECTIONS]
+    above.append(bpy.path.display_name_from_filepath(bpy.data.filepath))
+    return next((name for name in above if name and not is_any_tree(name)), obj.name)
+
+
+_USUAL_COLLECTIONS = ("Collection", "Scene Collection", "Master Collection")
+"""Names that Blender gives."""
 
 
 def _is_baked(level: bpy.types.Object) -> str:

@@ -36,9 +36,7 @@ def fill_eye(tree: bpy.types.NodeTree) -> None:
     follows.inputs[1].default_value = False
     choice = section.node("GeometryNodeSwitch", follows.outputs[0], camera, input_type="OBJECT")
     choice.name = choice.label = _CHOICE
-    output = tree.nodes.new("NodeGroupOutput")
-    output.location = (900.0, 0.0)
-    tree.links.new(next(socket for socket in choice.outputs if socket.enabled), output.inputs[0])
+    section.node("NodeGroupOutput", next(socket for socket in choice.outputs if socket.enabled))
 
 
 def eye_groups() -> list[bpy.types.NodeTree]:

@@ -29,6 +29,11 @@ _LEAF = re.compile(
 )
 
 
+_ANY = re.compile(
+    r"(?:leaf|leaves|foliage|needles?|fronds?|crown|canopy|branches|trunk|mesh|object|geometry|plane|empty)?[\W\d_]*"
+)
+
+
 class LeavesError(ValueError):
     """No rule finds the leaves. The message lists the names in the scene."""
 
@@ -74,6 +79,11 @@ def choose_leaves(parts: Sequence[MaterialPart], names: Sequence[str] | None, me
 def says_leaf(name: str) -> bool:
     """Return whether a name has a word that is, starts or ends with leaf, leaves, foliage, needle or frond."""
     return _LEAF.search(_CAMEL.sub(" ", name).lower()) is not None
+
+
+def is_any_tree(name: str) -> bool:
+    """Return whether a name fits a part of any tree, as "leaves" or "Mesh.001" does, and tells no tree from others."""
+    return _ANY.fullmatch(name.lower()) is not None
 
 
 def named(name: str, names: Iterable[str]) -> set[str]:

@@ -41,7 +41,7 @@ def _bounces(scene: bpy.types.Scene) -> Fault | None:
     if scene.render.engine != "CYCLES" or scene.cycles.transparent_max_bounces >= BOUNCES:
         return None
     limit = scene.cycles.transparent_max_bounces
-    text = f"Light Paths > Transparent is {limit}: leaves turn dark behind {limit} layers. {BOUNCES} is enough"
+    text = f"Light Paths › Transparent is {limit}: leaves turn dark behind {limit} layers. {BOUNCES} is enough"
     return Fault(text, lambda: allow_bounces(scene))
 
 

@@ -11,6 +11,7 @@ from .draft import HANDLERS as DRAFT_HANDLERS
 from .export import LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files
 from .forest_export import LEAFCLOUD_OT_export_forest
 from .forest_panel import LEAFCLOUD_OT_forest, LEAFCLOUD_PT_forest, LeafcloudForestSettings
+from .framing import LEAFCLOUD_OT_frame_level
 from .handlers import add_handlers, remove_handlers
 from .import_folder import LEAFCLOUD_OT_import_folder
 from .job_operator import LEAFCLOUD_OT_cancel, cancel_running
@@ -30,6 +31,7 @@ from .place import (
     LEAFCLOUD_OT_asset,
     LEAFCLOUD_OT_place,
     LEAFCLOUD_OT_place_instances,
+    LEAFCLOUD_OT_show_placed_level,
     LEAFCLOUD_PT_place,
 )
 from .preferences import LeafcloudPreferences
@@ -54,7 +56,8 @@ _CLASSES = (
     *(LEAFCLOUD_OT_bake, LEAFCLOUD_OT_plan, LEAFCLOUD_OT_labels, LEAFCLOUD_OT_scene, LEAFCLOUD_OT_forest),
     LEAFCLOUD_OT_export_forest,
     *(LEAFCLOUD_OT_curve, LEAFCLOUD_OT_pick, LEAFCLOUD_OT_preset_add),
-    *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_remove, LEAFCLOUD_OT_mend_rendering, LEAFCLOUD_OT_cancel),
+    *(LEAFCLOUD_OT_show_level, LEAFCLOUD_OT_frame_level, LEAFCLOUD_OT_show_placed_level),
+    *(LEAFCLOUD_OT_remove, LEAFCLOUD_OT_mend_rendering, LEAFCLOUD_OT_cancel),
     *(LEAFCLOUD_OT_export, LEAFCLOUD_OT_write_files, LEAFCLOUD_OT_select_tree),
     *(LEAFCLOUD_OT_place, LEAFCLOUD_OT_asset, LEAFCLOUD_OT_place_instances, LEAFCLOUD_OT_select_billboard),
     *(LeafcloudPreferences, LEAFCLOUD_MT_object, LEAFCLOUD_OT_sample, LEAFCLOUD_OT_import_folder),

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from ..bake.pipeline import view_of
 from ..levels.baked_trees import LeafPruning, baked_tree, leaf_pruning, tree_collections
 from ..levels.forest import Forest, build_forest
+from ..levels.planting import apply_scale, area_of, is_ground, is_scaled, may_apply_scale, usual_density, width_of
 from ..levels.rollback import removed_on_failure
 from ..mesh.baked_levels import level_number
 from ..nodes.forest import GROUP_NAME, ForestSettings
 from ..nodes.laws import NEVER
 from ..nodes.points import GROUP_NAME as POINTS_NAME
 from ..nodes.points import PointSettings, add_points_modifier
+from ..viewport.labels import length_words
 from .job_operator import BUSY, running
 from .properties import with_labels
 
 _DEFAULTS, _POINTS = ForestSettings(()), PointSettings(smallest=0.8, largest=1.2)
+_measured: list[tuple[object, float]] = []
+"""The last measured mesh and its area, or empty: a panel asks for it with each drawing."""
+
 _WITH_POINTS = ("MESH", "CURVE", "CURVES", "POINTCLOUD")
 
 
@@ -35,9 +40,18 @@ class LeafcloudForestSettings(bpy.types.PropertyGroup):
         "object",
         type=bpy.types.Object,
     )
+    on: EnumProperty(
+        name="On",
+        description="Where trees stand",
+        items=(
+            ("auto", "Auto", "On the object's faces, or on its points and instances if it has no faces or instances"),
+            ("faces", "Faces", "Scattered on the object's faces"),
+            ("points", "Points", "A tree on each point or instance of the object"),
+        ),
+    )
     density: FloatProperty(
         name="Density",
-        description="Trees per square unit, scattered on the object's faces. 0: a tree on each point or instance of it",
+        description="Trees per square unit of the faces. 0: as dense as the trees are wide",
         default=_POINTS.density,
         min=0.0,
         soft_max=1.0,
@@ -116,13 +130,17 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
         except ValueError as error:
             self.report({"ERROR"}, with_labels(str(error)))
             return {"CANCELLED"}
+        _measured.clear()  # Moved points do not change the key.
+        settings, count = _point_settings(context, len(forests)), _count_words(context)
+        if is_scaled(points):
+            apply_scale(points)
         for modifier in [each for each in points.modifiers if each.name.startswith((GROUP_NAME, POINTS_NAME))]:
             points.modifiers.remove(modifier)
-        add_points_modifier(points, _point_settings(wanted, len(forests)))
+        add_points_modifier(points, settings)
         for kind, forest in enumerate(forests):
             forest.plant(points, width=wanted.width, far=wanted.far or NEVER, kind=kind)
         kinds = ", ".join(forest.variants.name.removesuffix("_forest") for forest in forests)
-        self.report({"INFO"}, f"Planted {kinds} on {points.name}")
+        self.report({"INFO"}, f"Planted {kinds} on {points.name}: {count or 'a tree on each point'}")
         return {"FINISHED"}
 
 
@@ -143,9 +161,10 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         column.prop(wanted, "tree")
         column.prop(wanted, "points")
         column = layout.column(align=True)
-        column.prop(wanted, "density")
-        if wanted.density > 0.0:
+        column.prop(wanted, "on")
+        if _is_scattered(context):
             ground = _points(context)
+            column.prop(wanted, "density")
             if ground is not None and ground.type == "MESH":
                 column.prop_search(wanted, "mask", ground, "vertex_groups")
             else:
@@ -157,13 +176,49 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         column = layout.column(align=True)
         column.prop(wanted, "width")
         column.prop(wanted, "far")
+        count = _count_words(context)
+        if count:
+            layout.label(text=count, icon="INFO")
         layout.operator("leafcloud.forest")
         layout.operator("leafcloud.export_forest")
 
 
-def _point_settings(wanted: LeafcloudForestSettings, kinds: int) -> PointSettings:
-    names = ("ground", "density", "mask", "slope", "turn", "smallest", "largest", "seed")
-    return PointSettings(kinds, **{name: getattr(wanted, name) for name in names})
+def _point_settings(context: bpy.types.Context, kinds: int) -> PointSettings:
+    names = ("ground", "mask", "slope", "turn", "smallest", "largest", "seed")
+    wanted = {name: getattr(context.scene.leafcloud_forest, name) for name in names}
+    return PointSettings(kinds, density=_density(context), **wanted)
+
+
+def _is_scattered(context: bpy.types.Context) -> bool:
+    """Return whether trees are scattered on faces."""
+    on, points = context.scene.leafcloud_forest.on, _points(context)
+    return bool(on == "faces" or (on == "auto" and points is not None and is_ground(points)))
+
+
+def _density(context: bpy.types.Context) -> float:
+    """Return the trees per square unit; 0 for a tree on each point."""
+    points, given = _points(context), float(context.scene.leafcloud_forest.density)
+    if points is None or not _is_scattered(context):
+        return 0.0
+    return given or usual_density(_area(points), [width_of(tree) for tree in _trees(context)])
+
+
+def _area(obj: bpy.types.Object) -> float:
+    """Return the area of an object, which is measured again where its mesh or its scale is another."""
+    if obj.type != "MESH":
+        return 0.0
+    key = (obj.data.session_uid, len(obj.data.vertices), *obj.matrix_world.to_scale())
+    if not _measured or _measured[0][0] != key:
+        _measured[:] = [(key, area_of(obj))]
+    return _measured[0][1]
+
+
+def _count_words(context: bpy.types.Context) -> str:
+    """Return how many trees the object gets, without mask and slope; empty where each point gets one."""
+    density, points = _density(context), _points(context)
+    if points is None or density == 0.0:
+        return ""
+    return f"about {density * _area(points):,.0f} trees, {length_words(density**-0.5)} apart"
 
 
 def _problem(context: bpy.types.Context) -> str:
@@ -181,6 +236,10 @@ def _problem(context: bpy.types.Context) -> str:
         return f"{points.name} has no points: choose a mesh, a curve or a point cloud"
     if level_number(points) is not None or level_number(points.parent or points) is not None:
         return f"{points.name} belongs to a baked tree: choose the object with the points"
+    if is_scaled(points) and not may_apply_scale(points):
+        return f"{points.name} has a scale, which would stretch the trees: use Object › Apply › Scale"
+    if context.scene.leafcloud_forest.on == "faces" and _area(points) == 0.0:
+        return f"{points.name} has no faces: choose Points under On"
     return ""
 
 

@@ -17,6 +17,7 @@ from ..settings.setting import SettingsError
 from ..steps import Steps, all_steps, in_turns, no_steps
 from .progress import show
 from .properties import with_labels
+from .selected_tree import leaves_problem
 
 REFUSALS = (SettingsError, SceneError, leafcloud.LeafcloudError, OSError)
 
@@ -74,10 +75,10 @@ def can_begin(operator: type[bpy.types.Operator], context: bpy.types.Context) ->
     if context.mode != "OBJECT":
         operator.poll_message_set("Switch to Object Mode first")
         return False
-    if running:
-        operator.poll_message_set(BUSY)
-        return False
-    return True
+    problem = BUSY if running else leaves_problem(context)
+    if problem:
+        operator.poll_message_set(problem)
+    return not problem
 
 
 def refuse(operator: bpy.types.Operator, error: BaseException) -> set[str]:

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import bpy
+from bpy.props import IntProperty
 from mathutils import Matrix
 
-from ..levels.placed_tree import place_of, placed_tree, tree_group
+from ..levels.placed_tree import place_of, placed_tree, tree_group, tree_of
+from ..levels.planting import free_place, width_of
 from ..levels.root import root_of
 from ..mesh.baked_levels import is_placed_tree, record
 from ..nodes.laws import LOD_DISTANCE, STAGGER
-from ..versions import draw_modifier_input, has_modifier_input
+from ..versions import draw_modifier_input, get_modifier_input, has_modifier_input, set_modifier_input
+from ..viewport.labels import length_words
 from .job_operator import refuse
 from .on_tree import OnTree, active_tree, mode_problem
 from .selection import select_only
+from .tree_panel import AUTO, draw_figures, level_numbers
+
+_APART = 1.25
+"""Distance of a copy from the tree, in widths of the tree."""
 
 _ASSET = "Leafcloud"
 """Tag of the assets, by which the asset browser finds them."""
 
 
 class LEAFCLOUD_OT_place(OnTree, bpy.types.Operator):
-    """Add an object at the 3D cursor that shows this tree. Copies of it show the level for their own places"""
+    """Add an object beside the tree that shows it. Copies of it show the level for their own places"""
 
     bl_idname = "leafcloud.place"
     bl_label = "Place a Copy"
@@ -32,11 +39,14 @@ class LEAFCLOUD_OT_place(OnTree, bpy.types.Operator):
             group = tree_group(tree)
         except ValueError as error:
             return refuse(self, error)
-        obj = placed_tree(tree.name, group)
+        obj = placed_tree(f"{tree.name} copy", group)
         obj.matrix_world = place_of(tree)
-        obj.location = context.scene.cursor.location
+        copies = [each.location for each in context.scene.objects if is_placed_tree(each) and tree_of(each) == tree]
+        obj.location = free_place(obj.location, _APART * width_of(tree), copies)
         context.collection.objects.link(obj)
         select_only(context, [obj])
+        away = length_words((obj.location - place_of(tree).translation).length)
+        self.report({"INFO"}, f"Placed {obj.name}, {away} beside {tree.name}: it shows the level for its own place")
         return {"FINISHED"}
 
 
@@ -168,16 +178,47 @@ class LEAFCLOUD_PT_place(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, obj = self.layout, context.active_object
-        layout.use_property_split = True
-        layout.use_property_decorate = False
         if not is_placed_tree(obj):
             column = layout.column(align=True)
             column.label(text="Shows the level for the", icon="INFO")
             column.label(text="place of the original tree", icon="BLANK1")
             layout.operator("leafcloud.place_instances")
             return
-        modifier = next(each for each in obj.modifiers if each.type == "NODES")
+        modifier, tree = _modifier_of(obj), tree_of(obj)
+        layout.label(text=obj.name, icon="OUTLINER_OB_MESH")
+        if tree is not None:
+            row, shown = layout.row(align=True), get_modifier_input(modifier, "Level")
+            for number in [AUTO, *level_numbers(tree)]:
+                text = "Auto" if number == AUTO else str(number)
+                row.operator("leafcloud.show_placed_level", text=text, depress=number == shown).level = number
         for name in (LOD_DISTANCE, STAGGER):
             if has_modifier_input(modifier, name):
                 draw_modifier_input(layout, modifier, name)
-        draw_modifier_input(layout, modifier, "Level", text="Level (−1: Auto)")
+        if tree is not None:
+            draw_figures(layout, context, tree)
+
+
+class LEAFCLOUD_OT_show_placed_level(bpy.types.Operator):
+    """Show this level of the selected copies at all distances. Auto shows the level for each distance"""
+
+    bl_idname = "leafcloud.show_placed_level"
+    bl_label = "Show Level of a Copy"
+    bl_options = {"REGISTER", "UNDO"}
+
+    level: IntProperty(
+        name="Level", description="Number of the level. −1: the distance decides", default=AUTO, min=AUTO
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return any(map(is_placed_tree, context.selected_objects))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        for obj in filter(is_placed_tree, context.selected_objects):
+            set_modifier_input(_modifier_of(obj), "Level", self.level)
+        return {"FINISHED"}
+
+
+def _modifier_of(obj: bpy.types.Object) -> bpy.types.NodesModifier:
+    """Return the modifier of a placed tree."""
+    return next(each for each in obj.modifiers if each.type == "NODES")

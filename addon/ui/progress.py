@@ -6,6 +6,8 @@ import time
 
 import bpy
 
+from ..bake.job import stage_words
+
 _FEWEST_SECONDS, _LEAST_FRACTION = 2.0, 0.1
 """Before them, the time that is left is a guess."""
 
@@ -34,11 +36,12 @@ def show(context: bpy.types.Context, stage: str, fraction: float) -> None:
     elif not _began:
         _began.append(now)
     left = time_left(now - _began[0], fraction) if stage else ""
-    status.stage, status.fraction = stage, fraction
+    words = stage_words(stage)
+    status.stage, status.fraction = words, fraction
     status.left = left
     if context.workspace is not None:
-        words = f"Leafcloud: {stage}, {fraction:.0%}{left}, Esc cancels" if stage else None
-        context.workspace.status_text_set(words)
+        told = f"Leafcloud: {words}, {fraction:.0%}{left}, Esc cancels" if stage else None
+        context.workspace.status_text_set(told)
     views = [area for area in context.screen.areas if area.type == "VIEW_3D"] if context.screen else []
     for region in [region for view in views for region in view.regions]:
         if region.type == "UI":  # Only the sidebar shows the job. A view with a large tree takes long to draw.

@@ -14,7 +14,7 @@ _PLACES = (_ADDON / "samples" / "shrub.glb", _ADDON.parent / "examples" / "shrub
 
 
 class LEAFCLOUD_OT_sample(InObjectMode, bpy.types.Operator):
-    """Add a small tree to try Leafcloud on, and select it"""
+    """Add a small tree at the 3D cursor to try Leafcloud on, and select it"""
 
     bl_idname = "leafcloud.sample"
     bl_label = "Add Sample Tree"
@@ -32,5 +32,9 @@ class LEAFCLOUD_OT_sample(InObjectMode, bpy.types.Operator):
         made = [obj for obj in context.scene.objects if obj not in before]
         for obj in made:
             obj.select_set(True)
-        context.view_layer.objects.active = next(obj for obj in made if obj.name.startswith("leaves"))
+            if obj.parent is None:
+                obj.location += context.scene.cursor.location
+        leaves = next(obj for obj in made if obj.name.startswith("leaves"))
+        leaves.name = "Shrub"
+        context.view_layer.objects.active = leaves
         return {"FINISHED"}

@@ -22,19 +22,34 @@ from .selection import with_children
 _MOST_FACES = 30_000
 """Faces that are counted in a tenth of a second."""
 
+_NO_LEAVES = "no leaves found, name them in Levels"
+
 _last: list[tuple[object, str]] = []
-"""The last selection and its words, or empty."""
+"""The last selection and its parts in words, or empty."""
 
 
 def selection_words(context: bpy.types.Context) -> str:
     """Return the name of the selected tree, its number of leaves and its trunk; empty without a selection."""
+    parts = _selected_parts(context)
+    return f"{_name(context)}: {parts}" if parts else ""
+
+
+def leaves_problem(context: bpy.types.Context) -> str:
+    """Return why the selection cannot be baked, with the remedy, if it has no leaves; empty if it may have some."""
+    if _selected_parts(context) != _NO_LEAVES:
+        return ""
+    return f"No leaves are found in {_name(context)}: select a tree, or name its leaves under Levels › Leaves"
+
+
+def _selected_parts(context: bpy.types.Context) -> str:
+    """Return what the selection consists of in words; empty without a selection."""
     objects = with_children(context)
     if not objects:
         return ""
     names = leaf_names(context.scene.leafcloud)
-    key = [(obj.name_full, len(obj.modifiers), _faces(obj), _materials(obj)) for obj in objects], names, _name(context)
+    key = [(obj.name_full, len(obj.modifiers), _faces(obj), _materials(obj)) for obj in objects], names
     if not _last or _last[0][0] != key:
-        _last[:] = [(key, f"{_name(context)}: {_parts(objects, names)}")]
+        _last[:] = [(key, _parts(objects, names))]
     return _last[0][1]
 
 
@@ -71,7 +86,7 @@ def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> 
     try:
         choice = choose_leaves([part for part, _ in slots], names, lambda i: slots[i][1])
     except LeavesError:
-        return "no leaves of that name" if names else "no leaves found, name them in Levels"
+        return "no leaves of that name" if names else _NO_LEAVES
     leaves = sum(len(slots[i][1]) for i in choice.indices)
     return f"{leaves:,} {'leaf' if leaves == 1 else 'leaves'}{', trunk' if len(choice.indices) < len(slots) else ''}"
 

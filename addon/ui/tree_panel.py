@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import bpy
 from bpy.props import IntProperty
 
@@ -15,6 +13,8 @@ from ..levels.shown import SOURCES, show_level, shown_level, sources_of
 from ..levels.thumbnails import thumbnail_of
 from ..mesh.baked_levels import level_number, record
 from ..nodes.laws import LOD_DISTANCE
+from ..viewport.labels import length_words
+from .framing import crown_of, picture_share
 from .job_operator import refuse
 from .on_tree import OnTree, active_tree
 from .rendering import draw_faults
@@ -44,7 +44,7 @@ class LEAFCLOUD_OT_show_level(OnTree, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         tree = active_tree(context)
         assert tree is not None, "poll refuses without a tree"
-        numbers = _numbers(tree)
+        numbers = level_numbers(tree)
         if self.level >= 0 and self.level not in numbers:
             self.report({"ERROR"}, f"{tree.name} has no level {self.level}; it has the levels 0 to {max(numbers)}")
             return {"CANCELLED"}
@@ -107,7 +107,7 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
         shown = shown_level(tree)
         layout.label(text=tree.name, icon="OUTLINER_COLLECTION")
         row = layout.row(align=True)
-        for number in [AUTO, *_numbers(tree)]:
+        for number in [AUTO, *level_numbers(tree)]:
             text = "Auto" if number == AUTO else str(number)
             is_shown = number == (AUTO if shown is None else shown)
             row.operator("leafcloud.show_level", text=text, depress=is_shown).level = number
@@ -128,37 +128,46 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
         for warning in warnings_of(tree):
             add_text(layout, context, warning, "ERROR")
         draw_faults(layout, context, tree)
-        objects = {level_number(obj): obj for obj in tree.all_objects}
-        for number, result in enumerate(results_of(tree)):
-            row = layout.split(factor=_PICTURE)
-            picture = thumbnail_of(objects[number]) if number in objects else 0
-            row.template_icon(icon_value=picture, scale=_SCALE)
-            column = row.column(align=True)
-            column.label(text=result.name)
-            for text in figures_of(result):
-                column.label(text=text)
+        draw_figures(layout, context, tree)
 
 
-def figures_of(result: LevelResult) -> tuple[str, ...]:
-    """Return the figures of a level as short lines. The sidebar is narrow."""
+def draw_figures(layout: bpy.types.UILayout, context: bpy.types.Context, tree: bpy.types.Collection) -> None:
+    """Draw the picture and the figures of each level."""
+    objects = {level_number(obj): obj for obj in tree.all_objects}
+    _, radius = crown_of(tree)
+    for number, result in enumerate(results_of(tree)):
+        row = layout.split(factor=_PICTURE)
+        picture = thumbnail_of(objects[number]) if number in objects else 0
+        row.template_icon(icon_value=picture, scale=_SCALE)
+        column = row.column(align=True)
+        heading = column.row(align=True)
+        heading.label(text=result.name)
+        heading.operator("leafcloud.frame_level", text="", icon="ZOOM_SELECTED", emboss=False).level = number
+        for text in figures_of(result, picture_share(radius, result.distance, context.scene)):
+            column.label(text=text)
+
+
+def figures_of(result: LevelResult, share: float) -> tuple[str, ...]:
+    """Return the figures of a level as short lines: the sidebar is narrow.
+
+    share: the largest height of the level in the camera's picture, over the picture's height.
+    """
     triangles = f"{result.triangles:,} triangles"
     if result.distance == 0.0:
         return (triangles,)
     width, height = result.texture
     texture = (f"texture {width} × {height}",) if width else ()
     times = f"{result.cheaper:.1f} × cheaper" if result.cheaper >= 1.0 else f"{1.0 / result.cheaper:.1f} × dearer"
+    percent = f"{100.0 * share:.0f}" if share >= 0.095 else f"{100.0 * share:.1f}"
     return (
-        triangles,
-        f"{times}, from {result.distance:,.{_digits(result.distance)}f} on",
+        f"from {length_words(result.distance)} on",
+        f"{percent} % of picture height",
+        f"{triangles}, {times}",
         f"error {result.image_error:.3f} at 128 px",
         *texture,
     )
 
 
-def _digits(distance: float) -> int:
-    """Return the decimals of a distance, for three digits or more."""
-    return max(2 - math.floor(math.log10(distance)), 0)
-
-
-def _numbers(tree: bpy.types.Collection) -> list[int]:
+def level_numbers(tree: bpy.types.Collection) -> list[int]:
+    """Return the numbers of a baked tree's levels, ascending."""
     return sorted({number for obj in tree.all_objects if (number := level_number(obj)) is not None})

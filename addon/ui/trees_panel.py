@@ -1,4 +1,4 @@
-"""A table of all baked trees of the scene, with triangles and error of each."""
+"""A table of all baked trees of the scene, with triangles and error of each: a click selects a tree."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from bpy.props import StringProperty
 from ..levels.results import LevelResult, results_of, warnings_of
 from ..levels.root import root_of
 from ..mesh.baked_levels import record
-from .on_tree import InObjectMode
+from .on_tree import InObjectMode, active_tree
 from .selection import select_only
 
 MOST_ROWS = 40
@@ -36,15 +36,15 @@ class LEAFCLOUD_OT_select_tree(InObjectMode, bpy.types.Operator):
 
 class LEAFCLOUD_PT_trees(bpy.types.Panel):
     bl_idname = "LEAFCLOUD_PT_trees"
-    bl_label = "All Baked Trees"
+    bl_label = "Baked Trees"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Leafcloud"
-    bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return len(baked_trees(context.scene)) > 1
+        """Show one tree alone only while its own panel is hidden."""
+        return len(baked_trees(context.scene)) > (active_tree(context) is not None)
 
     def draw(self, context: bpy.types.Context) -> None:
         trees = baked_trees(context.scene)

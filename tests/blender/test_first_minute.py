@@ -12,7 +12,7 @@ import pytest
 
 import addon.ui as interface
 from addon.ui.properties import _SHOWN, PRESET_SETTINGS, bake_settings
-from addon.ui.selected_tree import selection_words
+from addon.ui.selected_tree import leaves_problem, selection_words
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -156,6 +156,21 @@ def test_a_saved_preset_holds_the_settings_of_any_tree() -> None:
     assert values == [f"settings.{name}" for name in PRESET_SETTINGS]
 
 
+def test_what_has_no_leaves_is_not_baked() -> None:
+    bpy.ops.mesh.primitive_cube_add()
+    assert leaves_problem(bpy.context).startswith("No leaves are found in Cube: select a tree")
+    with pytest.raises(RuntimeError, match="No leaves are found in Cube"):
+        bpy.ops.leafcloud.bake()
+    bpy.context.scene.leafcloud.leaves = "Cube"
+    assert leaves_problem(bpy.context) == ""
+
+
+def test_the_sample_stands_at_the_cursor() -> None:
+    bpy.context.scene.cursor.location = (3.0, -2.0, 1.0)
+    bpy.ops.leafcloud.sample()
+    assert {tuple(obj.location) for obj in bpy.context.selected_objects} == {(3.0, -2.0, 1.0)}
+
+
 def test_object_mode_is_asked_for_by_name() -> None:
     leaves(20, "leaves")
     bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
@@ -165,7 +180,7 @@ def test_object_mode_is_asked_for_by_name() -> None:
 
 def test_the_sample_tree_is_ready_to_bake() -> None:
     assert bpy.ops.leafcloud.sample() == {"FINISHED"}
-    assert selection_words(bpy.context).startswith("leaves: ")
+    assert selection_words(bpy.context).startswith("Shrub: ")
     assert "trunk" in selection_words(bpy.context)
     bpy.context.scene.leafcloud.texture_size = 64
     assert bpy.ops.leafcloud.bake() == {"FINISHED"}

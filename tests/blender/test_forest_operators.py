@@ -13,6 +13,7 @@ from scenes import add_mesh, bake, read
 import leafcloud
 from addon.bake.values import Baked
 from addon.levels.baked_trees import baked_tree
+from addon.levels.planting import width_of
 from addon.nodes.scene import SceneSettings
 from addon.settings.bake import BakeSettings
 from addon.versions import get_modifier_input
@@ -297,6 +298,29 @@ def test_a_forest_mixes_all_trees_of_the_scene() -> None:
     ]
 
 
+def test_the_defaults_plant_a_forest_on_a_ground() -> None:
+    """The crown is 1.3 wide at least, so a ground of 60 × 60 holds hundreds. Its scale moves into the mesh."""
+    baked = baked_crown(trunk=False)
+    ground = add_mesh("ground", [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)])
+    ground.scale = (60.0, 60.0, 1.0)
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = ground
+    assert bpy.ops.leafcloud.forest() == {"FINISHED"}
+    assert tuple(ground.scale) == (1.0, 1.0, 1.0)
+    expected = 3600.0 / width_of(baked.collection) ** 2
+    assert 500 < expected < 3000
+    assert abs(len(drawn(ground)) - expected) < 5.0 * math.sqrt(expected)
+
+
+def test_points_are_chosen_where_faces_are_not_meant() -> None:
+    baked_crown(trunk=False)
+    ground = add_mesh("ground", [(0, 0, 0), (9, 0, 0), (9, 9, 0), (0, 9, 0)], [(0, 1, 2, 3)])
+    bpy.context.view_layer.objects.active = ground
+    bpy.context.scene.leafcloud_forest.on = "points"
+    bpy.ops.leafcloud.forest()
+    assert len(drawn(ground)) == 4
+
+
 def test_objects_that_cannot_be_planted_give_a_message() -> None:
     def refused(words: str, active: bpy.types.Object | None) -> None:
         bpy.context.view_layer.objects.active = active
@@ -311,6 +335,12 @@ def test_objects_that_cannot_be_planted_give_a_message() -> None:
     refused("make it active", None)
     refused("belongs to a baked tree", baked.levels[0].object)
     refused("belongs to a baked tree", baked.levels[0].trunk)
+    parent = bpy.data.objects.new("parent", None)
+    points.parent, points.scale = parent, (2.0, 2.0, 2.0)
+    bpy.context.view_layer.update()
+    refused("has a scale, which would stretch the trees", points)
+    points.scale = (1.0, 1.0, 1.0)
+    bpy.context.view_layer.update()
     refused("has no points", add_camera((0.0, 0.0, 0.0)))
     empty = bpy.data.collections.new("empty")
     bpy.context.scene.leafcloud_forest.tree = empty

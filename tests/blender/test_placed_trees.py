@@ -12,6 +12,7 @@ from mathutils import Matrix, Vector
 
 from addon.levels.placed_tree import placed_tree as object_of
 from addon.levels.placed_tree import tree_group
+from addon.levels.planting import width_of
 from addon.levels.root import root_of
 from addon.mesh.baked_levels import level_number
 from addon.nodes.laws import LOD_DISTANCE, STAGGER
@@ -293,6 +294,7 @@ def test_a_placed_instance_keeps_parent_children_and_animation(baked: bpy.types.
 def test_placed_trees_follow_a_new_bake_and_survive_a_removal(baked: bpy.types.Collection) -> None:
     assert bpy.ops.leafcloud.place() == {"FINISHED"}
     placed = bpy.context.view_layer.objects.active
+    placed.matrix_world = root(baked).matrix_world
     look_from(baked, 150.0)
     root(baked).select_set(True)
     bpy.context.view_layer.objects.active = root(baked)
@@ -425,3 +427,28 @@ def test_a_scene_of_many_trees_draws_placed_trees_too(baked: bpy.types.Collectio
     assert len([obj for obj in bpy.context.scene.objects if obj.visible_get() and obj.type == "MESH"]) == 1
     trees = [((xs > x - 5.0) & (xs < x + 5.0)).sum() for x in (0.0, 10.0, 20.0)]
     assert min(trees) > 0.9 * len(leaves.data.loops)
+
+
+def test_a_copy_stands_beside_the_tree_under_a_name_of_its_own(baked: bpy.types.Collection) -> None:
+    bpy.ops.leafcloud.place()
+    first = bpy.context.view_layer.objects.active
+    root(baked).select_set(True)
+    bpy.context.view_layer.objects.active = root(baked)
+    bpy.ops.leafcloud.place()
+    second = bpy.context.view_layer.objects.active
+    assert (first.name, second.name) == ("leaves copy", "leaves copy.001")
+    width = width_of(baked)
+    for obj, widths in ((first, 1.25), (second, 2.5)):
+        away = obj.location - root(baked).matrix_world.translation
+        np.testing.assert_allclose(away, (widths * width, 0.0, 0.0), atol=1e-5)
+
+
+def test_a_copy_shows_one_level_at_all_distances(baked: bpy.types.Collection) -> None:
+    look_from(baked, 1.0)
+    placed = link(placed_tree(baked))
+    whole = len(drawn_points(placed))
+    placed.select_set(True)
+    assert bpy.ops.leafcloud.show_placed_level(level=2) == {"FINISHED"}
+    assert 0 < len(drawn_points(placed)) < whole
+    bpy.ops.leafcloud.show_placed_level(level=-1)
+    assert len(drawn_points(placed)) == whole

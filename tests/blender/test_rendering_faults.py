@@ -35,7 +35,7 @@ def mended(scene: bpy.types.Scene, *materials: bpy.types.Material) -> list[str]:
 
 def test_blenders_default_bounces_are_too_few(scene: bpy.types.Scene) -> None:
     [text] = texts(scene)
-    assert text.startswith("Light Paths > Transparent is 8")
+    assert text.startswith("Light Paths › Transparent is 8")
     assert mended(scene) == []
     assert scene.cycles.transparent_max_bounces == BOUNCES
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
@@ -15,6 +16,7 @@ import addon.ui as interface
 from addon.levels.results import LevelResult, keep_warnings, results_of
 from addon.levels.shown import shown_level
 from addon.mesh.baked_levels import level_number
+from addon.ui.framing import crown_of, picture_share
 from addon.ui.tree_panel import active_tree, figures_of
 
 pytestmark = [pytest.mark.usefixtures("registered"), pytest.mark.version]
@@ -262,17 +264,37 @@ def test_the_panel_has_a_button_for_each_level_and_its_figures() -> None:
         getattr(layout, part).return_value = layout
     interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
     buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
-    assert buttons == ["Auto", "0", "1", "2", "Sources", None, None, None, "Bake Again", None, None]
+    assert buttons == ["Auto", "0", "1", "2", "Sources", None, None, None, "Bake Again", None, None, "", "", ""]
     labels = [call.kwargs["text"] for call in layout.label.call_args_list]
     results = results_of(tree())
-    assert labels == ["leaves", *(line for each in results for line in (each.name, *figures_of(each)))]
+    _, radius = crown_of(tree())
+    lines = [figures_of(each, picture_share(radius, each.distance, bpy.context.scene)) for each in results]
+    told = (line for each, figures in zip(results, lines, strict=True) for line in (each.name, *figures))
+    assert labels == ["leaves", *told]
+    assert max(map(len, labels)) <= 30, "wider lines are cut off"
 
 
-def test_distances_have_three_digits() -> None:
-    def told(distance: float) -> str:
-        return figures_of(LevelResult("Level 1", 5, 2.0, (64, 32), 0.05, distance))[1].split(", ")[1]
+def test_figures_have_units_and_the_share_of_the_picture() -> None:
+    def told(distance: float, share: float) -> tuple[str, ...]:
+        return figures_of(LevelResult("Level 1", 5, 2.0, (64, 32), 0.05, distance), share)[:3]
 
-    assert [told(each) for each in (2794.4, 63.21, 0.01234)] == ["from 2,794 on", "from 63.2 on", "from 0.0123 on"]
+    assert told(63.21, 0.444) == ("from 63.2 m on", "44 % of picture height", "5 triangles, 2.0 × cheaper")
+    assert told(0.01234, 0.0333)[:2] == ("from 1.23 cm on", "3.3 % of picture height")
+
+
+def test_the_share_of_the_picture_is_that_of_the_camera() -> None:
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    bpy.context.scene.camera = camera
+    camera.data.sensor_fit, camera.data.angle = "VERTICAL", math.radians(90.0)
+    scene = bpy.context.scene
+    assert picture_share(1.0, 10.0, scene) == pytest.approx(0.1, rel=1e-5)
+    assert (picture_share(1.0, 0.5, scene), picture_share(1.0, 0.0, scene)) == (1.0, 1.0)
+
+
+@pytest.mark.usefixtures("before")
+def test_a_level_is_framed_in_a_3d_view_only() -> None:
+    with pytest.raises(RuntimeError, match="to show in a 3D view"):
+        bpy.ops.leafcloud.frame_level(level=1)
 
 
 def test_the_panel_is_hidden_without_a_baked_tree() -> None:
@@ -325,7 +347,7 @@ def test_removal_takes_copies_of_the_tree_with_it(before: dict[str, set[str]]) -
     layout.row.return_value = layout.column.return_value = layout.split.return_value = layout
     interface.LEAFCLOUD_PT_tree.draw(SimpleNamespace(layout=layout), bpy.context)
     buttons = [call.kwargs.get("text") for call in layout.operator.call_args_list]
-    assert buttons == ["Auto", "0", "1", "2", "Sources", None, None, None, "Bake Again", None, None]
+    assert buttons == ["Auto", "0", "1", "2", "Sources", None, None, None, "Bake Again", None, None, "", "", ""]
     assert bpy.ops.leafcloud.remove() == {"FINISHED"}
     assert names() == before
 

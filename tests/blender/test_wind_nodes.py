@@ -304,7 +304,8 @@ def test_the_node_groups_are_created_once() -> None:
     group = wind_group()
     assert group != foreign
     assert wind_group() == group
-    assert sorted(tree.name for tree in bpy.data.node_groups) == ["Leafcloud Sway", GROUP_NAME, f"{GROUP_NAME}.001"]
+    names = ["Leafcloud Eye", "Leafcloud Sway", GROUP_NAME, f"{GROUP_NAME}.001"]
+    assert sorted(tree.name for tree in bpy.data.node_groups) == names
     assert [tree.is_modifier for tree in (group, bpy.data.node_groups["Leafcloud Sway"])] == [True, False]
 
 

@@ -175,7 +175,7 @@ def test_the_tree_moves_as_one(blender: Window) -> None:
 
 
 def test_an_instance_of_the_collection_shows_its_own_level(blender: Window) -> None:
-    """The camera stands far from the original and near to the instance."""
+    """The camera stands far from the original and near to the instance. The view looks through it."""
     blender.run("""
 camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
 bpy.context.scene.collection.objects.link(camera)
@@ -185,6 +185,8 @@ bpy.ops.object.collection_instance_add(collection="leaves", location=(500.0, 0.0
 bpy.context.object.name = "near"
 bpy.ops.ed.undo_push(message="Add an instance")
 """)
+    blender.move(600, 500)
+    blender.keys("KP_0")
     blender.wait(
         lambda: blender.run("result = bpy.data.objects['near'].type == 'MESH'"), 5.0, "placed tree for the instance"
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.plan.leaves import LeavesError, MaterialPart, choose_leaves, says_leaf
+from addon.plan.leaves import LeavesError, MaterialPart, choose_leaves, is_any_tree, says_leaf
 
 
 def never(index: int) -> np.ndarray:
@@ -128,3 +128,13 @@ def test_a_thousand_names_still_make_one_line() -> None:
     with pytest.raises(LeavesError) as caught:
         choose_leaves(parts, ["x"], never)
     assert str(caught.value).endswith("'object11' and 988 more; materials: none")
+
+
+@pytest.mark.parametrize("name", ["leaves", "Leaves.001", "mesh_0", "Needles", "Plane.003", "1"])
+def test_a_name_of_any_tree_tells_none(name: str) -> None:
+    assert is_any_tree(name)
+
+
+@pytest.mark.parametrize("name", ["Oak", "oak_leaves", "Shrub", "leaves_of_grass", "planet"])
+def test_a_name_of_a_tree_is_kept(name: str) -> None:
+    assert not is_any_tree(name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from addon.bake import job
-from addon.bake.job import StageClock
+from addon.bake.job import StageClock, stage_words
 
 
 def test_the_seconds_of_the_stages_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -25,3 +25,12 @@ def test_the_seconds_of_the_stages_add_up(monkeypatch: pytest.MonkeyPatch) -> No
     now += 1.0
     assert clock.seconds() == {"start": 3.0, "fit": 4.5, "write": 4.0}
     assert told == [("fit", 0.0), ("fit", 0.5), ("write oak.glb", 0.0), ("fit", 0.9)]
+
+
+def test_stages_are_told_in_words() -> None:
+    assert [stage_words(stage) for stage in ("fit", "Oak: fit", "write Oak.glb", "")] == [
+        "find planes",
+        "Oak: find planes",
+        "write Oak.glb",
+        "",
+    ]
