@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import leafcloud
 
+from ..geometry import Tree
 from ..mesh.baked_levels import EXTRAS, PLAIN
 from ..nodes.builder import Section
 from ..nodes.octahedral import OPEN, STEPS, transformed, view_group, views_group
@@ -31,6 +32,8 @@ COLOR_NODE, NORMAL_DEPTH_NODE = "Octahedral Color", "Octahedral Normal and Depth
 """Names of the image nodes that hold the pages in the material of the cross impostor, for files."""
 _SUBDIVISIONS, _FLATTEST = 2, 0.93
 """Of the sphere's 80 triangles; none is nearer to its middle than the second number, in radii."""
+_ROOM = 1.01
+"""Radii over those that hold the tree, for roundings and for the edges of texels."""
 _LEAST_HALF = 0.01
 """Half of the least height, in the impostor's unit: a carpet needs a surface that rays can hit from the side."""
 
@@ -48,8 +51,9 @@ def octahedral_object(level: leafcloud.OctahedralLevel, number: int, build: Buil
         )
     for image, held in zip(pages, (COLOR_NODE, NORMAL_DEPTH_NODE), strict=True):
         _image_node(plain.materials[0].node_tree, image, held)
-    mesh = _ellipsoid(f"{name}_around", level)
-    mesh.materials.append(_material(f"{name}_octahedral", level, pages, build))
+    radii = _radii(level, build.tree)
+    mesh = _ellipsoid(f"{name}_around", level, radii)
+    mesh.materials.append(_material(f"{name}_octahedral", level, radii, pages, build))
     obj = bpy.data.objects.new(name, mesh)
     obj[EXTRAS] = {**extras, "octahedral": _numbers(level)}
     obj[PLAIN] = plain
@@ -95,16 +99,18 @@ def _numbers(level: leafcloud.OctahedralLevel) -> dict[str, Any]:
     }
 
 
-def _radii(level: leafcloud.OctahedralLevel) -> NDArray[np.float64]:
-    """Return the radii of the ellipsoid, in the impostor's unit."""
+def _radii(level: leafcloud.OctahedralLevel, tree: Tree) -> NDArray[np.float64]:
+    """Return the radii of the ellipsoid, in the impostor's unit: the smallest of its shape that holds the tree."""
     half = np.maximum([level.extent[0], level.extent[0], level.half[2]], _LEAST_HALF)
-    return math.sqrt(2.0) / _FLATTEST * half
+    rows = level.to_layout / half[:, None]
+    parts = (part.positions for part in (tree.leaves, tree.trunk) if part is not None)
+    farthest = max(float(np.linalg.norm(each @ rows[:, :3].T + rows[:, 3], axis=1).max()) for each in parts)
+    return min(farthest * _ROOM, math.sqrt(2.0)) / _FLATTEST * half
 
 
-def _ellipsoid(name: str, level: leafcloud.OctahedralLevel) -> bpy.types.Mesh:
-    """Create an ellipsoid around the tree, in the tree's coordinates. It holds the cylinder that holds the tree."""
+def _ellipsoid(name: str, level: leafcloud.OctahedralLevel, radii: NDArray[np.float64]) -> bpy.types.Mesh:
+    """Create an ellipsoid with these radii around the tree, in the tree's coordinates."""
     turn, offset = level.to_layout[:, :3], level.to_layout[:, 3]
-    radii = _radii(level)
     to_tree = np.linalg.inv(turn)
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = to_tree * radii, to_tree @ -offset
@@ -121,7 +127,11 @@ def _ellipsoid(name: str, level: leafcloud.OctahedralLevel) -> bpy.types.Mesh:
 
 
 def _material(
-    name: str, level: leafcloud.OctahedralLevel, pages: tuple[bpy.types.Image, bpy.types.Image], build: Build
+    name: str,
+    level: leafcloud.OctahedralLevel,
+    radii: NDArray[np.float64],
+    pages: tuple[bpy.types.Image, bpy.types.Image],
+    build: Build,
 ) -> bpy.types.Material:
     """Create the material that shows the three views around each ray, blended. It emits baked light."""
     material = bpy.data.materials.new(name)
@@ -145,11 +155,13 @@ def _material(
         surface.inputs["Emission Strength"].default_value = build.light_strength
         tree.links.new(color, surface.inputs["Emission Color"])
         material.cycles.emission_sampling = "NONE"
-    hide_back_in_cycles(tree, _back_seen_from_outside(tree, level))
+    hide_back_in_cycles(tree, _back_seen_from_outside(tree, level, radii))
     return material
 
 
-def _back_seen_from_outside(tree: bpy.types.NodeTree, level: leafcloud.OctahedralLevel) -> bpy.types.NodeSocket:
+def _back_seen_from_outside(
+    tree: bpy.types.NodeTree, level: leafcloud.OctahedralLevel, radii: NDArray[np.float64]
+) -> bpy.types.NodeSocket:
     """Return 1 on the back of the ellipsoid, else 0. Also 0 for rays that start inside, such as shadow rays from the
     ground.
 
@@ -157,7 +169,7 @@ def _back_seen_from_outside(tree: bpy.types.NodeTree, level: leafcloud.Octahedra
     d, both divided by the radii.
     """
     section = Section(tree, "Starts the ray outside?", (-5200.0, 1200.0))
-    rows = level.to_layout / _radii(level)[:, None]
+    rows = level.to_layout / radii[:, None]
     place = transformed(section, rows.tolist(), section.node("ShaderNodeTexCoord").outputs["Object"], "q")
     geometry = section.node("ShaderNodeNewGeometry").outputs
     to_object = {"vector_type": "VECTOR", "convert_from": "WORLD", "convert_to": "OBJECT"}

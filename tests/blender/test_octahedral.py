@@ -135,6 +135,15 @@ def test_the_surface_holds_the_whole_tree(shrub: Path) -> None:
         assert heights.max() < 0.0
 
 
+def test_the_surface_is_hardly_larger_than_the_tree(shrub: Path) -> None:
+    """An artist sees its outline where the level is selected."""
+    tree = baked(shrub, effects="none")
+    parts = [tree.prepared.tree.leaves, tree.prepared.tree.trunk]
+    corners = np.concatenate([part.positions for part in parts if part is not None])
+    around = np.array([vertex.co for vertex in tree.levels[-1].object.data.vertices])
+    assert (np.ptp(around, axis=0) < 1.4 * np.ptp(corners, axis=0)).all()
+
+
 def test_files_have_the_cross_impostor_and_the_data_of_the_octahedral_one(shrub: Path, tmp_path: Path) -> None:
     report = bake_files(shrub, tmp_path, *QUICK, "--last", "octahedral", "--levels", "1")
     [row] = [each for each in report["levels"] if each["method"] == "octahedral"]
