@@ -120,7 +120,7 @@ ifdef BLENDER
 	rm -rf out/interface
 	$(MAKE) test-interface ARGS='-k first_session'
 	@mkdir -p docs/interface
-	for name in 1_start 2_sample 4_baked 5_level_1 7_preview 8_preview_far; do \
+	for name in 1_start 2_sample 4_baked 5_level_1 7_labels 8_far; do \
 	    convert out/interface/first_session/$$name.png -resize 50% +dither -colors 64 -define png:compression-level=9 docs/interface/$$name.png || exit 1; \
 	done
 endif

@@ -47,6 +47,6 @@ if [ ! -x "$folder/usr/bin/blender" ]; then
     chroot "$folder" apt-get update -qq >&2
     # Without python3-cattr the extensions of Blender 5.2 do not register.
     DEBIAN_FRONTEND=noninteractive chroot "$folder" apt-get install -y -qq --no-install-recommends \
-        blender python3-numpy python3-requests python3-cattr libegl1 libgl1-mesa-dri >&2
+        blender python3-numpy python3-requests python3-cattr libegl1 libgl1 libgl1-mesa-dri >&2
 fi
 echo "chroot $folder blender"

@@ -142,7 +142,8 @@ def draw_figures(layout: bpy.types.UILayout, context: bpy.types.Context, tree: b
         column = row.column(align=True)
         heading = column.row(align=True)
         heading.label(text=result.name)
-        heading.operator("leafcloud.frame_level", text="", icon="ZOOM_SELECTED", emboss=False).level = number
+        if active_tree(context) == tree:
+            heading.operator("leafcloud.frame_level", text="", icon="ZOOM_SELECTED", emboss=False).level = number
         for text in figures_of(result, picture_share(radius, result.distance, context.scene)):
             column.label(text=text)
 
@@ -162,7 +163,8 @@ def figures_of(result: LevelResult, share: float) -> tuple[str, ...]:
     return (
         f"from {length_words(result.distance)} on",
         f"{percent} % of picture height",
-        f"{triangles}, {times}",
+        triangles,
+        times,
         f"error {result.image_error:.3f} at 128 px",
         *texture,
     )

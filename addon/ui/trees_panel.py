@@ -1,4 +1,5 @@
-"""A table of all baked trees of the scene, with triangles and error of each: a click selects a tree."""
+"""A table of all baked trees of the scene: triangles of the leaves and of the last level, and the largest error of its
+levels. A click selects a tree."""
 
 from __future__ import annotations
 
@@ -49,7 +50,7 @@ class LEAFCLOUD_PT_trees(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         trees = baked_trees(context.scene)
         grid = self.layout.grid_flow(row_major=True, columns=4, align=True)
-        for heading in ("Tree", "Triangles", "Last Level", "Largest Error"):
+        for heading in ("Tree", "Triangles", "Last", "Error"):
             grid.label(text=heading)
         for tree in trees[:MOST_ROWS]:
             icon = "ERROR" if warnings_of(tree) else "NONE"

@@ -63,7 +63,7 @@ def test_a_changed_setting_begins_the_bake_anew(tree: Window) -> None:
     tree.wait(lambda: not tree.run(BUSY), 120.0, "end of the bake")
     assert drafts(tree) == []
     names = {name for name, *_ in tree.run(SCENE)}
-    assert {"leaves_LOD0", "leaves_LOD1"} <= names
+    assert {"Shrub_LOD0", "Shrub_LOD1"} <= names
     assert not [name for name in names if "draft" in name]
     time.sleep(0.5)
     tree.capture("levels")

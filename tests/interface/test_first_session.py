@@ -77,7 +77,7 @@ def test_a_click_bakes_the_selected_tree(blender: Window) -> None:
     blender.settle(1.0)
     blender.capture("2_sample")
     before = blocks(blender)
-    assert before["objects"] == ["branches", "leaves"]
+    assert before["objects"] == ["Shrub", "branches"]
     blender.click_in_sidebar(*BAKE)
     blender.capture("3_baking")
     wait_for_the_end(blender)
@@ -86,9 +86,9 @@ def test_a_click_bakes_the_selected_tree(blender: Window) -> None:
     blender.settle(1.0)
     blender.capture("4_baked")
     seen = objects(blender)
-    assert {"leaves_tree", "leaves_LOD0", "leaves_LOD1"} <= seen.keys()
-    assert not {"leaves", "branches"} & seen.keys(), "the sources are hidden"
-    assert blender.run("result = bpy.context.view_layer.objects.active.name") == "leaves_tree"
+    assert {"Shrub_tree", "Shrub_LOD0", "Shrub_LOD1"} <= seen.keys()
+    assert not {"Shrub", "branches"} & seen.keys(), "the sources are hidden"
+    assert blender.run("result = bpy.context.view_layer.objects.active.name") == "Shrub_tree"
 
 
 def test_a_click_shows_one_level_at_all_distances(blender: Window) -> None:
@@ -97,10 +97,10 @@ def test_a_click_shows_one_level_at_all_distances(blender: Window) -> None:
     blender.settle(1.0)
     blender.capture("5_level_1")
     seen = objects(blender)
-    assert "leaves_LOD1" in seen
-    assert "leaves_LOD0" not in seen
+    assert "Shrub_LOD1" in seen
+    assert "Shrub_LOD0" not in seen
     blender.click_in_sidebar(*SHOW_AUTO)
-    assert {"leaves_LOD0", "leaves_LOD1"} <= objects(blender).keys()
+    assert {"Shrub_LOD0", "Shrub_LOD1"} <= objects(blender).keys()
 
 
 def test_escape_leaves_everything_as_it_was(blender: Window) -> None:
@@ -119,7 +119,7 @@ def shown_levels(blender: Window) -> list[int]:
         blender.run(
             _STATE
             + """
-levels = [obj for obj in bpy.data.collections["leaves"].all_objects if obj.type == "MESH" and obj.visible_get()]
+levels = [obj for obj in bpy.data.collections["Shrub"].all_objects if obj.type == "MESH" and obj.visible_get()]
 result = sorted({int(obj.name.split("_LOD")[1][0]) for obj in levels if drawn(obj)})
 """
         )
@@ -146,6 +146,52 @@ def test_levels_follow_the_view(blender: Window) -> None:
     blender.move(600, 500)
     blender.keys("KP_Decimal")
     blender.wait(lambda: shown_levels(blender) == [0], 10.0, "leaves")
+
+
+def test_a_level_is_shown_at_its_size(blender: Window) -> None:
+    """Level 2 fills as much of the view's height as of the camera's picture where it takes over."""
+    blender.run("""
+area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+region = next(region for region in area.regions if region.type == "WINDOW")
+area.spaces.active.overlay.show_overlays = False  # One axis is green.
+with bpy.context.temp_override(area=area, region=region):
+    bpy.ops.leafcloud.frame_level(level=2)
+""")
+    blender.settle(1.0)
+    picture = blender.capture("8_at_its_size")
+    assert shown_levels(blender) == [2]
+    red, green, blue = np.moveaxis(colors(picture), 2, 0)
+    rows = np.flatnonzero(((green > 1.15 * red) & (green > 1.15 * blue) & (green > 0.15)).any(axis=1))
+    share = blender.run("""
+import json, math
+tree = bpy.data.collections["Shrub"]
+distance = json.loads(tree["leafcloud_results"])[2]["distance"]
+radius = tree.all_objects["Shrub_LOD0"]["leafcloud"]["radius"]
+result = radius / (distance * math.tan(math.radians(25.0)))
+""")
+    height = len(colors(picture)) / 0.87  # The captured part of the view.
+    blender.run("""
+area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
+area.spaces.active.overlay.show_overlays = True
+""")
+    assert 0.3 * share < np.ptp(rows) / height < 1.1 * share
+    blender.click_in_sidebar(*SHOW_AUTO)
+    blender.move(600, 500)
+    blender.keys("KP_Decimal")
+    blender.settle(1.0)
+
+
+def test_a_copy_stands_beside_the_tree(blender: Window) -> None:
+    blender.search("Place a Copy")
+    blender.settle(0.5)
+    blender.capture("8_copy")
+    assert blender.run("result = bpy.context.object.name") == "Shrub copy"
+    away = objects(blender)
+    width = away["Shrub copy"][0] - away["Shrub_tree"][0]
+    assert 1.0 < width < 4.0
+    blender.keys("ctrl+z")
+    blender.settle(0.5)
+    assert "Shrub copy" not in objects(blender)
 
 
 def test_the_camera_decides_in_a_view_through_it(blender: Window) -> None:
@@ -181,7 +227,7 @@ camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
 bpy.context.scene.collection.objects.link(camera)
 bpy.context.scene.camera = camera
 camera.location = (503.0, 0.0, 0.5)
-bpy.ops.object.collection_instance_add(collection="leaves", location=(500.0, 0.0, 0.0))
+bpy.ops.object.collection_instance_add(collection="Shrub", location=(500.0, 0.0, 0.0))
 bpy.context.object.name = "near"
 bpy.ops.ed.undo_push(message="Add an instance")
 """)
@@ -194,7 +240,7 @@ bpy.ops.ed.undo_push(message="Add an instance")
     near, far = blender.run(
         _STATE
         + """
-result = [drawn(bpy.data.objects["near"]), sum(drawn(each) for each in bpy.data.collections["leaves"].all_objects
+result = [drawn(bpy.data.objects["near"]), sum(drawn(each) for each in bpy.data.collections["Shrub"].all_objects
           if each.type == "MESH")]
 """
     )
@@ -243,8 +289,8 @@ addon_utils.enable("bl_ext.user_default.leafcloud", default_set=True)
 def test_a_new_bake_replaces_the_levels(blender: Window) -> None:
     blender.run("""
 for obj in bpy.context.scene.objects:
-    obj.select_set(obj.name == "leaves_tree")
-bpy.context.view_layer.objects.active = bpy.data.objects["leaves_tree"]
+    obj.select_set(obj.name == "Shrub_tree")
+bpy.context.view_layer.objects.active = bpy.data.objects["Shrub_tree"]
 """)
     before = blocks(blender)
     blender.move(600, 500)
@@ -262,5 +308,5 @@ def test_a_removal_shows_the_sources(blender: Window) -> None:
     blender.settle(1.0)
     blender.capture("11_removed")
     seen = objects(blender)
-    assert {"leaves", "branches"} <= seen.keys()
+    assert {"Shrub", "branches"} <= seen.keys()
     assert not [name for name in seen if "_LOD" in name]
