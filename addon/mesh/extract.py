@@ -12,23 +12,33 @@ every bit. If that matrix mirrors, code that transforms triangles to the world m
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-import leafcloud
-
 from ..errors import SceneError
 from ..geometry import Geometry, Tree
 from ..material.surface import Surface, read_surface
 from ..material.textures import ACTIVE, Texture
-from ..plan.leaves import LeavesError, MaterialPart, choose_leaves, is_any_tree, names_of
+from ..plan.leaves import (
+    LeafChoice,
+    LeavesError,
+    MaterialPart,
+    Shape,
+    choose_by_names,
+    choose_by_shape,
+    is_any_tree,
+    names_of,
+)
+from ..plan.other_levels import coarser
 from .baked_levels import record_of
 from .meshes import Copies, gather
+from .pieces import Piece, divided, ground_of, shape_of
 from .realise import Triangles, joined, realise, relative, used_only
+from .strays import without_strays
 
 __all__ = ["SceneError", "Tree", "extract", "part_names"]
 
@@ -58,27 +68,73 @@ def extract(
     baked = next((copies.level for copies in gathered if copies.level is not None), None)
     if baked is not None:
         raise SceneError(_is_baked(baked))
-    slots = _slots(gathered)
+    sources = tuple(dict.fromkeys(copies.owner for copies in gathered))
+    gathered, others = _finest(gathered)
+    surfaces = {material: read_surface(material) for copies in gathered for material in copies.materials}
     try:
-        choice = choose_leaves([_part(slot) for slot in slots], leaf_names, lambda i: _component_sizes(slots[i]))
+        slots, choice = _chosen(gathered, leaf_names, surfaces)
     except LeavesError as error:
         raise SceneError(str(error)) from error
     leaves = [slots[i] for i in choice.indices]
     trunk = [slot for i, slot in enumerate(slots) if i not in set(choice.indices)]
     frame = leaves[0].copies
-    surfaces = {material: read_surface(material) for copies in gathered for material in copies.materials}
     reader = _Reader(frame.owner_matrix, surfaces, warnings=[])
     loose = dict.fromkeys(sentence for copies in gathered if (sentence := copies.loose()))
+    crown, strays = without_strays(reader.geometry(leaves))
+    doubt = [f"{choice.doubt}: see preview.png, and name the leaves in `leaves` if it is wrong"] if choice.doubt else []
     return Tree(
         name=name or _name(depsgraph, selected, frame),
         matrix=frame.owner_matrix,
-        leaves=reader.geometry(leaves),
+        leaves=crown,
         trunk=reader.geometry(trunk) if trunk else None,
         choice=choice.reason,
-        dropped=[*dropped, *loose],
-        warnings=list(dict.fromkeys(reader.warnings)),
-        sources=tuple(dict.fromkeys(copies.owner for copies in gathered)),
+        dropped=[*dropped, *others, *strays, *loose],
+        warnings=list(dict.fromkeys([*doubt, *strays, *reader.warnings])),
+        sources=sources,
     )
+
+
+def _finest(gathered: Sequence[Copies]) -> tuple[list[Copies], list[str]]:
+    """Return the meshes without coarser levels of another tool, and a sentence on these."""
+    left_out = set(coarser([(copies.object_name, copies.owner_name, *copies.names) for copies in gathered]))
+    names = sorted({repr(gathered[i].object_name) for i in left_out})
+    kept = [copies for i, copies in enumerate(gathered) if i not in left_out]
+    said = f"{', '.join(names[:8])}{' …' if len(names) > 8 else ''}: coarser levels of another tool"
+    return kept, [said] if left_out else []
+
+
+def _chosen(
+    gathered: Sequence[Copies], names: Sequence[str] | None, surfaces: dict[_Material, Surface]
+) -> tuple[list[_Slot], LeafChoice]:
+    """Return all parts, and which of them are leaves."""
+    slots = _slots(gathered)
+    by_names = choose_by_names([_part(slot) for slot in slots], names)
+    if by_names is not None:
+        return slots, by_names
+    placed = [(copies.positions, matrix[2]) for copies in gathered for matrix in copies.matrices[:_SOME]]
+    heights = [positions @ up[:3] + up[3] for positions, up in placed]
+    ground = ground_of([float(each.min()) for each in heights], [float(each.max()) for each in heights])
+    slots = [slot for copies in gathered for slot in _parted(copies, ground)]
+    return slots, choose_by_shape([_part(slot) for slot in slots], [_shape(slot, surfaces) for slot in slots])
+
+
+_SOME = 1000
+"""Copies of a mesh that tell how high the tree is."""
+
+
+def _parted(copies: Copies, ground: float) -> list[_Slot]:
+    """Return the parts of a mesh by its components, as slots of a mesh that has as many."""
+    parts, pieces = divided(copies.positions, copies.triangles, copies.slots, copies.matrices[0], ground)
+    made = replace(copies, parts=parts, materials=tuple(copies.materials[piece.slot] for piece in pieces))
+    count = len(copies.matrices)
+    return [_Slot(made, i, int(piece.sizes.sum()) * count, piece) for i, piece in enumerate(pieces)]
+
+
+def _shape(slot: _Slot, surfaces: dict[_Material, Surface]) -> Shape:
+    copies = slot.copies
+    assert slot.piece is not None, "a mesh that was divided"
+    own = copies.triangles[copies.slots == slot.index]
+    return shape_of(copies.positions, own, copies.matrices, slot.piece, surfaces[slot.material])
 
 
 def part_names(depsgraph: bpy.types.Depsgraph, objects: Sequence[bpy.types.Object]) -> set[str]:
@@ -95,6 +151,8 @@ class _Slot:
     index: int
     count: int
     """Number of triangles, summed over all copies."""
+    piece: Piece | None = None
+    """The part by components, in a mesh that was divided."""
 
     @property
     def material(self) -> _Material:
@@ -223,12 +281,6 @@ def _part(slot: _Slot) -> MaterialPart:
         triangles=slot.count,
         instancer_name=copies.owner_name if copies.owner_name != copies.object_name else "",
     )
-
-
-def _component_sizes(slot: _Slot) -> NDArray[np.int64]:
-    copies = slot.copies
-    ids = leafcloud.leaf_ids(copies.positions, copies.triangles[copies.slots == slot.index])
-    return np.tile(np.bincount(ids), len(copies.matrices))
 
 
 def _name(depsgraph: bpy.types.Depsgraph, selected: Sequence[bpy.types.Object] | None, frame: Copies) -> str:

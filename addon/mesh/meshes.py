@@ -59,6 +59,10 @@ class Copies:
     """Index of the object's vertex group `PROTECT`; −1 without one."""
     level: bpy.types.Object | None = None
     """The object itself, if it is a baked level; else None."""
+    names: tuple[str, ...] = ()
+    """Names of the object's and the owner's parents and collections, from the nearest."""
+    parts: NDArray[np.int32] | None = None
+    """(t,) indices into `materials` in place of the mesh's own, for a mesh that was divided further."""
 
     @property
     def owner_name(self) -> str:
@@ -94,6 +98,8 @@ class Copies:
     @cached_property
     def slots(self) -> NDArray[np.int32]:
         """(t,) indices into `materials`. An index beyond the last slot counts as the last slot, as in Blender."""
+        if self.parts is not None:
+            return self.parts
         slots = _read(self._loop_triangles, "material_index", 1, np.int32)[:, 0]
         return np.clip(slots, 0, len(self.materials) - 1)
 
@@ -248,7 +254,10 @@ def _shown(
             group = obj.vertex_groups.find(PROTECT)
             places = np.empty((0, 4, 4))
             level = obj.original if follows_a_bake(obj.original) else None
-            found[key] = Copies(obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group, level)
+            around = _names_around(obj.original, owner.original)
+            found[key] = Copies(
+                obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group, level, around
+            )
         matrices.setdefault(key, []).append(np.array(instance.matrix_world, np.float64))
         randoms.setdefault(key, []).append(_random_of(instance))
     shown = [
@@ -257,6 +266,18 @@ def _shown(
     ]
     names = {copies.owner_name for copies in shown}
     return shown, [f"{name!r} {reason}" for name, reason in sorted(unseen.items()) if name not in names]
+
+
+def _names_around(obj: bpy.types.Object, owner: bpy.types.Object) -> tuple[str, ...]:
+    """Return the names of the parents and collections of an object and of what places it, from the nearest."""
+    names: list[str] = []
+    for each in dict.fromkeys((obj, owner)):
+        parent = each.parent
+        while parent is not None:
+            names.append(parent.name)
+            parent = parent.parent
+        names += [collection.name for collection in each.users_collection]
+    return tuple(dict.fromkeys(names))
 
 
 def _materials(obj: bpy.types.Object) -> tuple[bpy.types.Material | None, ...]:

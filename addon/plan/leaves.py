@@ -1,33 +1,45 @@
 """Detection of the leaves in a scene.
 
-The first rule that finds leaves decides: names that the user gives; names that contain a word for leaves; many small
-components. A part is a material slot of an object, so leaves and trunk may share one mesh.
+The first rule that finds leaves decides: names that the user gives; names that contain a word for leaves; shapes. A
+part is a material slot of an object, or some components of one, so leaves and trunk may share one mesh and one
+material. Shapes are scored: each observation that speaks for leaves or against them adds to a part's score.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 SMALL_TRIANGLES = 32
-"""Maximum number of triangles of a component that counts as a leaf."""
+"""Maximum number of triangles of a component that counts as small."""
 
 MANY_COMPONENTS = 16
-"""Minimum number of small components, over all chosen parts, that count as leaves."""
+"""Minimum number of small components, over all parts of one kind, that speak for leaves."""
 
 SAME_KIND = 2.0
-"""Parts with up to this many times the finest part's triangles per component are leaves, too; others are twigs."""
+"""Parts with up to this many times the main part's triangles per component are leaves, too; others are twigs."""
+
+LEAST_SCORE, SURE_SCORE, DOUBTFUL_SCORE = 2, 3, 1
+"""Score from which a part is leaves; from which it surely is; from which another one may be, too."""
+
+GROUND = 0.12
+"""Height over a tree's below which things lie on the ground."""
 
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 # At the start or at the end of a word: "leaflet" and "cloverleaf" match, "overleafing" and "leafless" do not.
 _LEAF = re.compile(
-    r"(?<![a-z])(?:leaf(?!less)|leaves|foliage|needle|frond)|(?:leaf|leafs|leaves|foliage|needles?|fronds?)(?![a-z])"
+    r"(?<![a-z])(?:leaf(?!less)|leaves|foliage|needle|frond|blatt|blätter|laub(?!e)|feuill|hoja|follaje|fogli|folha)"
+    r"|(?:leaf|leafs|leaves|foliage|needles?|fronds?|blatt|blätter|laub|feuilles?|feuillage|hojas?|foglie?|folhas?)(?![a-z])"
+    r"|лист|хво[йя]|叶|葉|잎"
 )
-
+_WOOD = re.compile(
+    r"(?<![a-z])(?:bark|trunk|wood|stem|branch|twig|log|root|soil|dirt|ground|grave[ls]|pot|rock|stone|pebble|rinde|stamm"
+    r"|holz|erde|[eé]corce|tronc|bois|corteza|madera|corteccia|legno)(?:s|es|y)?(?![a-z])|кора|ствол|树皮|樹皮|樹幹|树干"
+)
 
 _ANY = re.compile(
     r"(?:leaf|leaves|foliage|needles?|fronds?|crown|canopy|branches|trunk|mesh|object|geometry|plane|empty)?[\W\d_]*"
@@ -58,27 +70,151 @@ class LeafChoice:
     """Indices of the parts, ascending, at least one."""
     reason: str
     """One sentence: which parts are leaves, and why."""
+    doubt: str = ""
+    """What may be wrong; empty for a sure choice."""
 
 
-Measure = Callable[[int], NDArray[np.int64]]
-"""A function that returns the number of triangles of each connected component of the part with an index."""
+@dataclass(frozen=True)
+class Shape:
+    """What a part looks like.
 
-
-def choose_leaves(parts: Sequence[MaterialPart], names: Sequence[str] | None, measure: Measure) -> LeafChoice:
-    """Choose the parts that are leaves.
-
-    `names`: names of objects, instancers or materials, as `named` finds them; `None` or empty: detect the leaves.
-    `measure` is called only if no name matches, because counting components takes a second for a million triangles.
-    Raises `LeavesError` for a name that no part has, and if no rule finds leaves.
+    sizes: triangles of each connected component. area: of the surface. low, high: corners of its box in the world.
+    color: linear RGB of a material without a texture. cut_out: whether a texture cuts its outline.
+    are_rods: whether most components are long, thin and round.
     """
-    if names:
-        return _choose_named(parts, names)
-    return _choose_telling(parts) or _choose_small(parts, measure)
+
+    sizes: NDArray[np.int64]
+    area: float
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    color: tuple[float, float, float] | None = None
+    cut_out: bool = False
+    are_rods: bool = False
+
+    @property
+    def width(self) -> float:
+        return max(self.high[0] - self.low[0], self.high[1] - self.low[1])
+
+    @property
+    def is_small(self) -> bool:
+        """Whether most components are small."""
+        return bool(np.median(self.sizes) <= SMALL_TRIANGLES)
+
+
+def choose_by_names(parts: Sequence[MaterialPart], names: Sequence[str] | None) -> LeafChoice | None:
+    """Choose the parts that are leaves by their names; `None` if no name tells.
+
+    `names`: names of objects, instancers or materials, as `named` finds them; `None` or empty: those with a word for
+    leaves. Raises `LeavesError` for a name that no part has.
+    """
+    return _choose_named(parts, names) if names else _choose_telling(parts)
+
+
+def choose_by_shape(parts: Sequence[MaterialPart], shapes: Sequence[Shape]) -> LeafChoice:
+    """Choose the parts that are leaves by their shapes. Raises `LeavesError` if none looks like leaves."""
+    whole = _Whole.of(parts, shapes)
+    found = [whole.judged(part, shape) for part, shape in zip(parts, shapes, strict=True)]
+    scores = [sum(found_of.values()) for found_of in found]
+    indices = tuple(i for i, score in enumerate(scores) if score >= LEAST_SCORE)
+    if not indices:
+        raise LeavesError(
+            "no object or material name contains a word for leaves, and no part looks like leaves; "
+            f"name the leaves in `leaves`; {_inventory(parts)}"
+        )
+    # What speaks for the part with the largest area; the others are like it.
+    main = max(indices, key=lambda i: shapes[i].area)
+    reasons = [words for words, points in found[main].items() if points > 0]
+    doubtful = [i for i, score in enumerate(scores) if i not in indices and score >= DOUBTFUL_SCORE]
+    doubt = ""
+    if doubtful:
+        doubt = f"{_listed(parts, doubtful)} may be leaves, too"
+    elif min(scores[i] for i in indices) < SURE_SCORE:
+        unsure = [i for i in indices if scores[i] < SURE_SCORE]
+        doubt = f"{_listed(parts, unsure)} may be no leaves"
+    return LeafChoice(indices, f"{_listed(parts, indices)}: {', '.join(reasons)}; there are no leaf names.", doubt)
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """All parts together, as measures for each of them. kind: triangles per component of the main small part."""
+
+    low: float
+    height: float
+    width: float
+    area: float
+    components: int
+    kind: float
+    of_kind: int
+
+    @staticmethod
+    def of(parts: Sequence[MaterialPart], shapes: Sequence[Shape]) -> _Whole:
+        low = min(shape.low[2] for shape in shapes)
+        height = max(max(shape.high[2] for shape in shapes) - low, 1e-9)
+        standing = [each for each in shapes if not _lies(each, low, height)] or list(shapes)
+        small = [each for each in standing if each.is_small]
+        kind = float(np.median(max(small, key=lambda each: each.area).sizes)) if small else 0.0
+        return _Whole(
+            low=low,
+            height=height,
+            width=max(max(each.width for each in standing), 1e-9),
+            area=max(sum(each.area for each in standing), 1e-30),
+            components=sum(len(each.sizes) for each in shapes),
+            kind=kind,
+            of_kind=sum(len(each.sizes) for each in small if np.median(each.sizes) <= SAME_KIND * kind),
+        )
+
+    def judged(self, part: MaterialPart, shape: Shape) -> dict[str, int]:
+        """Return the observations of a part, each with its points."""
+        return {words: points for words, points, holds in self._observations(part, shape) if holds}
+
+    def _observations(self, part: MaterialPart, shape: Shape) -> Iterator[tuple[str, int, bool]]:
+        share, width = shape.area / self.area, shape.width / self.width
+        bottom = (shape.low[2] - self.low) / self.height
+        is_apart = self.components > 1
+        median = float(np.median(shape.sizes))
+        is_of_kind = shape.is_small and median <= SAME_KIND * self.kind
+        many = f"{len(shape.sizes)} small components (the median has {median:g} triangles)"
+        lies = _lies(shape, self.low, self.height)
+        yield many, 2, is_of_kind and self.of_kind >= MANY_COMPONENTS and not lies
+        yield "coarser than the leaves", -2, shape.is_small and not is_of_kind
+        yield "its texture cuts it out", 2, shape.cut_out
+        yield "much of the surface", 1, is_apart and share >= 0.2
+        yield "little of the surface", -2, share < 0.02
+        yield "as wide as the tree", 1, is_apart and width >= 0.6
+        yield "narrow", -2, width < 0.25
+        yield "above the ground", 1, bottom >= 0.2
+        yield "stands on the ground like a trunk", -2, bottom <= 0.05 and width < 0.5
+        yield "lies on the ground", -3, lies
+        yield "long, thin and round like branches", -3, shape.are_rods
+        yield "green", 1, shape.color is not None and _is_green(shape.color)
+        yield "brown", -2, shape.color is not None and _is_brown(shape.color)
+        yield "its name says wood or ground", -6, any(map(says_wood, names_of(part)))
+
+
+def _lies(shape: Shape, low: float, height: float) -> bool:
+    """Return whether a part is no higher than the ground of a tree of this height."""
+    return shape.high[2] - low < GROUND * height
+
+
+def _is_green(color: tuple[float, float, float]) -> bool:
+    red, green, blue = color
+    return green > 1.15 * red and green > 1.15 * blue
+
+
+def _is_brown(color: tuple[float, float, float]) -> bool:
+    red, green, blue = color
+    return red > 1.2 * green and green >= blue and red < 0.6
 
 
 def says_leaf(name: str) -> bool:
-    """Return whether a name has a word that is, starts or ends with leaf, leaves, foliage, needle or frond."""
+    """Return whether a name has a word that is, starts or ends with leaf, foliage, needle or frond, in any of some
+    languages."""
     return _LEAF.search(_CAMEL.sub(" ", name).lower()) is not None
+
+
+def says_wood(name: str) -> bool:
+    """Return whether a name has a word for wood, soil, stones or pots, in any of some languages."""
+    return _WOOD.search(_CAMEL.sub(" ", name).lower().replace("_", " ")) is not None
 
 
 def is_any_tree(name: str) -> bool:
@@ -110,37 +246,22 @@ def _choose_named(parts: Sequence[MaterialPart], names: Sequence[str]) -> LeafCh
 
 
 def _choose_telling(parts: Sequence[MaterialPart]) -> LeafChoice | None:
-    # Material names override the object's name: "oak_leaves" with the slots "leaf" and "bark" means "leaf" only.
+    # Material names override the object's name: "oak_leaves" with the slots "leaf" and "bark" means "leaf" only, and
+    # with "green" and "bark" it means "green".
     objects_with_leaf_material = {part.object_name for part in parts if says_leaf(part.material_name)}
-    indices = tuple(
-        i
-        for i, part in enumerate(parts)
-        if says_leaf(part.material_name)
-        or (
-            part.object_name not in objects_with_leaf_material
-            and (says_leaf(part.object_name) or says_leaf(part.instancer_name))
-        )
-    )
+    objects_with_others = {part.object_name for part in parts if not says_wood(part.material_name)}
+
+    def is_leaf(part: MaterialPart) -> bool:
+        if says_leaf(part.material_name) or part.object_name in objects_with_leaf_material:
+            return says_leaf(part.material_name)
+        if says_wood(part.material_name) and part.object_name in objects_with_others:
+            return False
+        return says_leaf(part.object_name) or says_leaf(part.instancer_name)
+
+    indices = tuple(i for i, part in enumerate(parts) if is_leaf(part))
     if not indices:
         return None
-    return LeafChoice(indices, f"{_listed(parts, indices)}: the names contain leaf, leaves, foliage, needle or frond.")
-
-
-def _choose_small(parts: Sequence[MaterialPart], measure: Measure) -> LeafChoice:
-    sizes = [measure(i) for i in range(len(parts))]
-    medians = [float(np.median(of_part)) if len(of_part) else np.inf for of_part in sizes]
-    finest = min(medians, default=np.inf)
-    limit = min(SAME_KIND * finest, SMALL_TRIANGLES)
-    indices = tuple(i for i, median in enumerate(medians) if median <= limit)
-    count = sum(len(sizes[i]) for i in indices)
-    if count < MANY_COMPONENTS:
-        raise LeavesError(
-            "no object or material name contains a word for leaves, and no part is made of many small components; "
-            f"name the leaves in `leaves`; {_inventory(parts)}"
-        )
-    median = float(np.median(np.concatenate([sizes[i] for i in indices])))
-    why = f"{count} small components (the median has {median:g} triangles), and there are no leaf names"
-    return LeafChoice(indices, f"{_listed(parts, indices)}: {why}.")
+    return LeafChoice(indices, f"{_listed(parts, indices)}: the names contain a word for leaves.")
 
 
 def _inventory(parts: Sequence[MaterialPart]) -> str:

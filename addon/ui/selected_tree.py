@@ -10,12 +10,12 @@ from collections.abc import Sequence
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
+from mathutils import Vector
 
-import leafcloud
-
+from ..material.surface import read_surface
 from ..mesh.baked_levels import record_of
-from ..plan.leaves import LeavesError, MaterialPart, choose_leaves
+from ..mesh.pieces import Piece, divided, ground_of, shape_of
+from ..plan.leaves import LeavesError, MaterialPart, Shape, choose_by_names, choose_by_shape
 from .properties import leaf_names
 from .selection import with_children
 
@@ -82,17 +82,20 @@ def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> 
     plain = all(obj.type in ("MESH", "EMPTY") and not obj.modifiers and obj.instance_type == "NONE" for obj in objects)
     if not plain or not meshes or sum(map(_faces, meshes)) > _MOST_FACES:
         return f"{count} object{'s' if count > 1 else ''}"
-    slots = [slot for obj in meshes for slot in _slots(obj)]
+    corners = [[(obj.matrix_world @ Vector(corner)).z for corner in obj.bound_box] for obj in meshes]
+    ground = ground_of(list(map(min, corners)), list(map(max, corners)))
+    pieces = [piece for obj in meshes for piece in _pieces(obj, ground)]
+    parts, shapes = [part for part, _ in pieces], [shape for _, shape in pieces]
     try:
-        choice = choose_leaves([part for part, _ in slots], names, lambda i: slots[i][1])
+        choice = choose_by_names(parts, names) or choose_by_shape(parts, shapes)
     except LeavesError:
         return "no leaves of that name" if names else _NO_LEAVES
-    leaves = sum(len(slots[i][1]) for i in choice.indices)
-    return f"{leaves:,} {'leaf' if leaves == 1 else 'leaves'}{', trunk' if len(choice.indices) < len(slots) else ''}"
+    leaves = sum(len(shapes[i].sizes) for i in choice.indices)
+    return f"{leaves:,} {'leaf' if leaves == 1 else 'leaves'}{', trunk' if len(choice.indices) < len(pieces) else ''}"
 
 
-def _slots(obj: bpy.types.Object) -> list[tuple[MaterialPart, NDArray[np.int64]]]:
-    """Return the parts of a mesh object, each with the number of triangles of its connected components."""
+def _pieces(obj: bpy.types.Object, ground: float) -> list[tuple[MaterialPart, Shape]]:
+    """Return the parts of a mesh object by materials and components, each with its shape."""
     mesh = obj.data
     mesh.calc_loop_triangles()
     points, triangles = np.empty((len(mesh.vertices), 3)), np.empty((len(mesh.loop_triangles), 3), np.int32)
@@ -100,11 +103,15 @@ def _slots(obj: bpy.types.Object) -> list[tuple[MaterialPart, NDArray[np.int64]]
     mesh.vertices.foreach_get("co", points.ravel())
     mesh.loop_triangles.foreach_get("vertices", triangles.ravel())
     mesh.loop_triangles.foreach_get("material_index", numbers)
-    materials = _materials(obj)
+    materials, slots = _materials(obj), obj.material_slots
     numbers = numbers.clip(0, len(materials) - 1)
+    matrix = np.array(obj.matrix_world)[None]
+    parts, pieces = divided(points.astype(np.float32), triangles, numbers, matrix[0], ground)
 
-    def slot(number: int) -> tuple[MaterialPart, NDArray[np.int64]]:
-        own = triangles[numbers == number]
-        return MaterialPart(obj.name, materials[number], len(own)), np.bincount(leafcloud.leaf_ids(points, own))
+    def described(number: int, piece: Piece) -> tuple[MaterialPart, Shape]:
+        own = triangles[parts == number]
+        material = slots[piece.slot].material if piece.slot < len(slots) else None
+        shape = shape_of(points.astype(np.float32), own, matrix, piece, read_surface(material))
+        return MaterialPart(obj.name, materials[piece.slot], len(own)), shape
 
-    return [slot(number) for number in np.unique(numbers).tolist()]
+    return [described(number, piece) for number, piece in enumerate(pieces)]
