@@ -7,6 +7,7 @@ material. Shapes are scored: each observation that speaks for leaves or against 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -20,8 +21,9 @@ SMALL_TRIANGLES = 32
 MANY_COMPONENTS = 16
 """Minimum number of small components, over all parts of one kind, that speak for leaves."""
 
-SAME_KIND = 2.0
-"""Parts with up to this many times the main part's triangles per component are leaves, too; others are twigs."""
+SAME_KIND, ALIKE = 2.0, 4.0
+"""Components with up to this many times the leaves' triangles may be leaves, too; others are twigs. Components of one
+kind have the same triangles, and up to this many times the area of one another."""
 
 LEAST_SCORE, SURE_SCORE, DOUBTFUL_SCORE = 2, 3, 1
 """Score from which a part is leaves; from which it surely is; from which another one may be, too."""
@@ -96,9 +98,14 @@ class Shape:
         return max(self.high[0] - self.low[0], self.high[1] - self.low[1])
 
     @property
+    def triangles(self) -> float:
+        """Triangles of a component, as the median."""
+        return float(np.median(self.sizes))
+
+    @property
     def is_small(self) -> bool:
         """Whether most components are small."""
-        return bool(np.median(self.sizes) <= SMALL_TRIANGLES)
+        return self.triangles <= SMALL_TRIANGLES
 
 
 def choose_by_names(parts: Sequence[MaterialPart], names: Sequence[str] | None) -> LeafChoice | None:
@@ -112,7 +119,7 @@ def choose_by_names(parts: Sequence[MaterialPart], names: Sequence[str] | None) 
 
 def choose_by_shape(parts: Sequence[MaterialPart], shapes: Sequence[Shape]) -> LeafChoice:
     """Choose the parts that are leaves by their shapes. Raises `LeavesError` if none looks like leaves."""
-    whole = _Whole.of(parts, shapes)
+    whole = _Whole.of(shapes)
     found = [whole.judged(part, shape) for part, shape in zip(parts, shapes, strict=True)]
     scores = [sum(found_of.values()) for found_of in found]
     indices = tuple(i for i, score in enumerate(scores) if score >= LEAST_SCORE)
@@ -136,31 +143,39 @@ def choose_by_shape(parts: Sequence[MaterialPart], shapes: Sequence[Shape]) -> L
 
 @dataclass(frozen=True)
 class _Whole:
-    """All parts together, as measures for each of them. kind: triangles per component of the main small part."""
+    """All parts together, as measures for each of them.
+
+    ground: height below which things lie on the ground. main: all parts with components like those of the small part
+    with the largest area; None without small parts. They are judged together: each leaf may be an object of its own.
+    """
 
     low: float
     height: float
+    ground: float
     width: float
     area: float
     components: int
-    kind: float
-    of_kind: int
+    main: Shape | None
 
     @staticmethod
-    def of(parts: Sequence[MaterialPart], shapes: Sequence[Shape]) -> _Whole:
+    def of(shapes: Sequence[Shape]) -> _Whole:
         low = min(shape.low[2] for shape in shapes)
         height = max(max(shape.high[2] for shape in shapes) - low, 1e-9)
-        standing = [each for each in shapes if not _lies(each, low, height)] or list(shapes)
+        ground = low + GROUND * height
+        standing = [each for each in shapes if each.high[2] > ground]
+        if not standing:  # A carpet.
+            ground, standing = -math.inf, list(shapes)
         small = [each for each in standing if each.is_small]
-        kind = float(np.median(max(small, key=lambda each: each.area).sizes)) if small else 0.0
+        largest = max(small, key=lambda each: each.area) if small else None
+        main = None if largest is None else _joined([each for each in shapes if _are_alike(each, largest)])
         return _Whole(
             low=low,
             height=height,
-            width=max(max(each.width for each in standing), 1e-9),
+            ground=ground,
+            width=max(*(each.width for each in standing), 0.0 if main is None else main.width, 1e-9),
             area=max(sum(each.area for each in standing), 1e-30),
             components=sum(len(each.sizes) for each in shapes),
-            kind=kind,
-            of_kind=sum(len(each.sizes) for each in small if np.median(each.sizes) <= SAME_KIND * kind),
+            main=main,
         )
 
     def judged(self, part: MaterialPart, shape: Shape) -> dict[str, int]:
@@ -168,15 +183,15 @@ class _Whole:
         return {words: points for words, points, holds in self._observations(part, shape) if holds}
 
     def _observations(self, part: MaterialPart, shape: Shape) -> Iterator[tuple[str, int, bool]]:
-        share, width = shape.area / self.area, shape.width / self.width
-        bottom = (shape.low[2] - self.low) / self.height
-        is_apart = self.components > 1
-        median = float(np.median(shape.sizes))
-        is_of_kind = shape.is_small and median <= SAME_KIND * self.kind
-        many = f"{len(shape.sizes)} small components (the median has {median:g} triangles)"
-        lies = _lies(shape, self.low, self.height)
-        yield many, 2, is_of_kind and self.of_kind >= MANY_COMPONENTS and not lies
-        yield "coarser than the leaves", -2, shape.is_small and not is_of_kind
+        seen = self.main if self.main is not None and _are_alike(shape, self.main) else shape
+        share, width = seen.area / self.area, seen.width / self.width
+        bottom = (seen.low[2] - self.low) / self.height
+        is_apart, lies = self.components > 1, seen.high[2] < self.ground
+        is_coarse = self.main is not None and seen.triangles > SAME_KIND * self.main.triangles
+        many = f"{len(seen.sizes)} small components (the median has {seen.triangles:g} triangles)"
+        is_many = seen.is_small and len(seen.sizes) >= MANY_COMPONENTS
+        yield many, 2, is_many and not is_coarse and not lies
+        yield "coarser than the leaves", -2, seen.is_small and is_coarse
         yield "its texture cuts it out", 2, shape.cut_out
         yield "much of the surface", 1, is_apart and share >= 0.2
         yield "little of the surface", -2, share < 0.02
@@ -191,9 +206,19 @@ class _Whole:
         yield "its name says wood or ground", -6, any(map(says_wood, names_of(part)))
 
 
-def _lies(shape: Shape, low: float, height: float) -> bool:
-    """Return whether a part is no higher than the ground of a tree of this height."""
-    return shape.high[2] - low < GROUND * height
+def _are_alike(shape: Shape, other: Shape) -> bool:
+    """Return whether the components of two small parts are of one kind."""
+    areas = [each.area / len(each.sizes) for each in (shape, other)]
+    are_small = shape.is_small and other.is_small
+    return are_small and shape.triangles == other.triangles and max(areas) <= ALIKE * min(areas)
+
+
+def _joined(shapes: Sequence[Shape]) -> Shape:
+    """Return the shape of parts together."""
+    low = [min(shape.low[axis] for shape in shapes) for axis in range(3)]
+    high = [max(shape.high[axis] for shape in shapes) for axis in range(3)]
+    sizes = np.concatenate([shape.sizes for shape in shapes])
+    return Shape(sizes, sum(shape.area for shape in shapes), (low[0], low[1], low[2]), (high[0], high[1], high[2]))
 
 
 def _is_green(color: tuple[float, float, float]) -> bool:

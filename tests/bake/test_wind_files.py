@@ -250,7 +250,7 @@ def test_a_bake_without_wind_calls_no_code_of_the_wind(
     monkeypatch.setattr(shape, "add_wind_attributes", touched)
     monkeypatch.setattr(wind_nodes, "wind_group", touched)
     assert bake_still(tmp_path / "after", shrub) == before
-    assert [group.name for group in bpy.data.node_groups] == ["Leafcloud LOD"]
+    assert [group.name for group in bpy.data.node_groups] == ["Leafcloud Eye", "Leafcloud LOD"]
     for obj in bpy.data.objects:
         assert all(modifier.name == "Leafcloud LOD" for modifier in obj.modifiers)
         drivers = obj.animation_data.drivers if obj.animation_data else []

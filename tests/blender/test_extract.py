@@ -56,7 +56,7 @@ def test_a_triangle_is_read_bit_for_bit() -> None:
     assert tree.leaves.material_ids.tolist() == [0]
     assert tree.leaves.materials == [None]
     assert (tree.matrix.tolist(), tree.trunk, tree.dropped, tree.warnings) == (np.eye(4).tolist(), None, [], [])
-    assert (tree.name, tree.choice) == ("leaf", "'leaf': the names contain leaf, leaves, foliage, needle or frond.")
+    assert (tree.name, tree.choice) == ("leaf", "'leaf': the names contain a word for leaves.")
 
 
 def test_polygons_become_triangles_that_cover_them() -> None:
@@ -112,7 +112,11 @@ def test_many_small_components_are_leaves_if_no_name_matches() -> None:
     add_mesh("y", SQUARE, [(0, 1, 2), (0, 2, 3)])
     tree = read()
     # A single square is as small as a card, so both objects are leaves.
-    assert tree.choice == "'x', 'y': 21 small components (the median has 2 triangles), and there are no leaf names."
+    assert len(tree.leaves.triangles) == 42
+    assert tree.choice == (
+        "'x', 'y': 21 small components (the median has 2 triangles), much of the surface, as wide as the tree; "
+        "there are no leaf names."
+    )
 
 
 def test_unselected_objects_are_left_out() -> None:

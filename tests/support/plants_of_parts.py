@@ -276,12 +276,19 @@ _GROUND = Part("ground", ground(), BROWN, False)
 _FAR = Part("far", far_card(), GREEN, None)
 
 
+_LEAVES_APART = [
+    Part(f"leaf {i}", (points, [(0, 1, 2, 3)]), GREEN, True) for i, points in enumerate(cards(60)[0].reshape(-1, 4, 3))
+]
+
+
 def _kinds() -> dict[str, tuple[list[Part], str]]:
     packings = ("named", "materials", "one material", "colors", "objects", "wood named")
     found = {f"{crown}, {packing}": (_plant(crown), packing) for crown in CROWNS for packing in packings}
     for packing in ("German", "Japanese"):
         found[f"cards, {packing}"] = (_plant("cards"), packing)
     branched_oak = [Part("leaves", cards(), GREEN, True), Part("trunk", branched(), BROWN, False)]
+    apart = [*_LEAVES_APART, Part("trunk", trunk(), BROWN, False)]
+    found["each leaf an object"] = (apart, "objects")
     for packing in ("materials", "one material"):
         found[f"cards on branches, {packing}"] = (branched_oak, packing)
         for part in (_MARKS, _GRAVEL, _PETALS, _POT, _ROCK, _GROUND, _FAR):
