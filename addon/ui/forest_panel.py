@@ -177,7 +177,7 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         column.prop(wanted, "width")
         column.prop(wanted, "far")
         count = _count_words(context)
-        if count:
+        if count and not _problem(context):
             layout.label(text=count, icon="INFO")
         layout.operator("leafcloud.forest")
         layout.operator("leafcloud.export_forest")

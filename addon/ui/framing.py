@@ -30,8 +30,10 @@ def picture_share(radius: float, distance: float, scene: bpy.types.Scene) -> flo
 
 
 def crown_of(tree: bpy.types.Collection) -> tuple[Vector, float]:
-    """Return the center and the radius of a baked tree's crown in the world."""
-    leaves = next(obj for obj in tree.all_objects if level_number(obj) == 0)
+    """Return the center and the radius of a baked tree's crown in the world; the radius is 0 without its leaves."""
+    leaves = next((obj for obj in tree.all_objects if level_number(obj) == 0), None)
+    if leaves is None:
+        return Vector(), 0.0
     modifier = leaves.modifiers.get(GROUP_NAME)
     has_centre = modifier is not None and has_modifier_input(modifier, "Centre")
     corners = [Vector(corner) for corner in leaves.bound_box]
@@ -52,10 +54,10 @@ class LEAFCLOUD_OT_frame_level(OnTree, bpy.types.Operator):
         tree, view = active_tree(context), getattr(context.space_data, "region_3d", None)
         assert tree is not None, "poll refuses without a tree"
         results = results_of(tree)
-        if view is None or self.level >= len(results):
+        centre, radius = crown_of(tree)
+        if view is None or self.level >= len(results) or radius == 0.0:
             self.report({"ERROR"}, f"{tree.name} has no level {self.level} to show in a 3D view")
             return {"CANCELLED"}
-        centre, radius = crown_of(tree)
         distance = results[self.level].distance
         share = picture_share(radius, distance, context.scene) if distance > 0.0 else _NEAR
         show_level(tree, self.level, context.view_layer)

@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ..errors import SceneError
 from ..material.surface import read_surface
 from ..mesh.baked_levels import record_of
 from ..mesh.pieces import Piece, divided, ground_of, shape_of
@@ -84,7 +85,10 @@ def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> 
         return f"{count} object{'s' if count > 1 else ''}"
     corners = [[(obj.matrix_world @ Vector(corner)).z for corner in obj.bound_box] for obj in meshes]
     ground = ground_of(list(map(min, corners)), list(map(max, corners)))
-    pieces = [piece for obj in meshes for piece in _pieces(obj, ground)]
+    try:
+        pieces = [piece for obj in meshes for piece in _pieces(obj, ground)]
+    except SceneError:  # A material with too many nodes: the bake tells.
+        return f"{count} object{'s' if count > 1 else ''}"
     parts, shapes = [part for part, _ in pieces], [shape for _, shape in pieces]
     try:
         choice = choose_by_names(parts, names) or choose_by_shape(parts, shapes)
