@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import bpy
 import numpy as np
@@ -20,9 +21,24 @@ def width_of(collection: bpy.types.Collection) -> float:
     leaves = next((obj for obj in collection.all_objects if level_number(obj) == 0), None)
     if leaves is None:
         return 0.0
-    corners = [leaves.matrix_world @ Vector(corner) for corner in leaves.bound_box]
+    corners = [leaves.matrix_world @ corner for corner in _box_of(leaves.data)]
     extents = (max(corner[axis] for corner in corners) - min(corner[axis] for corner in corners) for axis in (0, 1))
     return sum(extents) / 2.0
+
+
+def _box_of(mesh: bpy.types.Mesh) -> list[Vector]:
+    """Return the corners of the box around a mesh itself: that of an object is the box of what the view shows of it."""
+    key = mesh.session_uid, len(mesh.vertices)
+    if key not in _boxes:
+        points = np.empty((len(mesh.vertices), 3), np.float32)
+        mesh.vertices.foreach_get("co", points.ravel())
+        low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+        _boxes[key] = [Vector(corner) for corner in product(*zip(low, high, strict=True))]
+    return _boxes[key]
+
+
+_boxes: dict[tuple[int, int], list[Vector]] = {}
+"""Boxes that were measured, by the mesh and its number of vertices."""
 
 
 def usual_density(area: float, widths: Sequence[float]) -> float:
@@ -48,12 +64,30 @@ def area_of(obj: bpy.types.Object) -> float:
 
 def is_ground(obj: bpy.types.Object) -> bool:
     """Return whether trees are usually scattered on an object's faces: it has some, and makes no instances itself."""
-    scatters = (modifier.type in ("NODES", "PARTICLE_SYSTEM") for modifier in _foreign_modifiers(obj))
-    return obj.type == "MESH" and len(obj.data.polygons) > 0 and not any(scatters)
+    return obj.type == "MESH" and len(obj.data.polygons) > 0 and not any(map(_scatters, _foreign_modifiers(obj)))
 
 
 def _foreign_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
     return [each for each in obj.modifiers if not (each.type == "NODES" and is_own_group(each.node_group))]
+
+
+def _scatters(modifier: bpy.types.Modifier) -> bool:
+    """Return whether a modifier makes instances."""
+    if modifier.type == "PARTICLE_SYSTEM":
+        return modifier.particle_system.settings.render_type in ("OBJECT", "COLLECTION")
+    return modifier.type == "NODES" and _has_instances(modifier.node_group, set())
+
+
+def _has_instances(group: bpy.types.NodeTree | None, seen: set[bpy.types.NodeTree]) -> bool:
+    if group is None or group in seen:
+        return False
+    seen.add(group)
+    nodes = list(group.nodes)
+    return any(
+        node.bl_idname == "GeometryNodeInstanceOnPoints"
+        or (node.type == "GROUP" and _has_instances(node.node_tree, seen))
+        for node in nodes
+    )
 
 
 def is_scaled(obj: bpy.types.Object) -> bool:
@@ -65,7 +99,9 @@ def may_apply_scale(obj: bpy.types.Object) -> bool:
     """Return whether `apply_scale` changes nothing that one sees."""
     is_alone = obj.parent is None and not obj.children and obj.animation_data is None
     own_scale = all(abs(a - b) <= 1e-4 for a, b in zip(obj.scale, obj.matrix_world.to_scale(), strict=True))
-    return obj.type == "MESH" and obj.data.users == 1 and obj.data.library is None and is_alone and own_scale
+    if obj.type != "MESH" or obj.data.users > 1 or obj.data.library is not None or not (is_alone and own_scale):
+        return False
+    return obj.data.shape_keys is None and not _foreign_modifiers(obj)  # They work in units of the mesh.
 
 
 def apply_scale(obj: bpy.types.Object) -> None:

@@ -31,6 +31,7 @@ from ..plan.leaves import (
     choose_by_names,
     choose_by_shape,
     is_any_tree,
+    named,
     names_of,
 )
 from ..plan.other_levels import coarser
@@ -69,7 +70,7 @@ def extract(
     if baked is not None:
         raise SceneError(_is_baked(baked))
     sources = tuple(dict.fromkeys(copies.owner for copies in gathered))
-    gathered, others = _finest(gathered)
+    gathered, others = _finest(gathered, leaf_names or ())
     surfaces = {material: read_surface(material) for copies in gathered for material in copies.materials}
     try:
         slots, choice = _chosen(gathered, leaf_names, surfaces)
@@ -88,18 +89,20 @@ def extract(
         leaves=crown,
         trunk=reader.geometry(trunk) if trunk else None,
         choice=choice.reason,
-        dropped=[*dropped, *others, *strays, *loose],
-        warnings=list(dict.fromkeys([*doubt, *strays, *reader.warnings])),
+        dropped=[*dropped, *loose],
+        warnings=list(dict.fromkeys([*doubt, *others, *strays, *reader.warnings])),
         sources=sources,
     )
 
 
-def _finest(gathered: Sequence[Copies]) -> tuple[list[Copies], list[str]]:
-    """Return the meshes without coarser levels of another tool, and a sentence on these."""
+def _finest(gathered: Sequence[Copies], names: Sequence[str]) -> tuple[list[Copies], list[str]]:
+    """Return the meshes without coarser levels of another tool, and a sentence on these. `names`: of leaves."""
     left_out = set(coarser([(copies.object_name, copies.owner_name, *copies.names) for copies in gathered]))
-    names = sorted({repr(gathered[i].object_name) for i in left_out})
+    if any(named(name, {gathered[i].object_name for i in left_out}) for name in names):
+        return list(gathered), []
+    coarse = sorted({repr(gathered[i].object_name) for i in left_out})
     kept = [copies for i, copies in enumerate(gathered) if i not in left_out]
-    said = f"{', '.join(names[:8])}{' …' if len(names) > 8 else ''}: coarser levels of another tool"
+    said = f"{', '.join(coarse[:8])}{' …' if len(coarse) > 8 else ''}: left out, coarser levels of another tool"
     return kept, [said] if left_out else []
 
 
@@ -298,13 +301,9 @@ def _telling_name(obj: bpy.types.Object) -> str:
     while parent is not None:
         above.append(parent.name)
         parent = parent.parent
-    above += [each.name for each in obj.users_collection if each.name not in _USUAL_COLLECTIONS]
+    above += [each.name for each in obj.users_collection]
     above.append(bpy.path.display_name_from_filepath(bpy.data.filepath))
     return next((name for name in above if name and not is_any_tree(name)), obj.name)
-
-
-_USUAL_COLLECTIONS = ("Collection", "Scene Collection", "Master Collection")
-"""Names that Blender gives."""
 
 
 def _is_baked(level: bpy.types.Object) -> str:

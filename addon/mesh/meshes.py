@@ -175,16 +175,6 @@ class Copies:
         return self.mesh.loop_triangles
 
 
-def own_mesh(obj: bpy.types.Object, mesh: bpy.types.Mesh) -> Copies:
-    """Return an object's mesh without modifiers, with the materials of the object's slots.
-
-    Another mesh in its place keeps its own materials.
-    """
-    matrix = np.array(obj.matrix_world, np.float64)
-    materials = _materials(obj) if mesh == obj.data else tuple(mesh.materials)
-    return Copies(mesh, obj.name, obj, matrix, materials, matrix[None], _NONE)
-
-
 def gather(
     depsgraph: bpy.types.Depsgraph, objects: Iterable[bpy.types.Object] | None
 ) -> tuple[list[Copies], list[str]]:
@@ -254,7 +244,7 @@ def _shown(
             group = obj.vertex_groups.find(PROTECT)
             places = np.empty((0, 4, 4))
             level = obj.original if follows_a_bake(obj.original) else None
-            around = _names_around(obj.original, owner.original)
+            around = names_around(obj.original, owner.original)
             found[key] = Copies(
                 obj.data, obj.name, owner.original, own_matrix, materials, places, _NONE, group, level, around
             )
@@ -268,10 +258,10 @@ def _shown(
     return shown, [f"{name!r} {reason}" for name, reason in sorted(unseen.items()) if name not in names]
 
 
-def _names_around(obj: bpy.types.Object, owner: bpy.types.Object) -> tuple[str, ...]:
-    """Return the names of the parents and collections of an object and of what places it, from the nearest."""
+def names_around(*objects: bpy.types.Object) -> tuple[str, ...]:
+    """Return the names of the parents and collections of objects, from the nearest."""
     names: list[str] = []
-    for each in dict.fromkeys((obj, owner)):
+    for each in dict.fromkeys(objects):
         parent = each.parent
         while parent is not None:
             names.append(parent.name)

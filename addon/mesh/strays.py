@@ -27,6 +27,8 @@ def without_strays(leaves: Geometry) -> tuple[Geometry, list[str]]:
     distances = np.linalg.norm(middles - centre, axis=1)
     usual = _share_of_area(distances, areas, _MOST)
     far = distances > _FAR * usual
+    if leaves.protected is not None:
+        far &= ~leaves.protected
     if not far.any() or usual == 0.0:
         return leaves, []
     source = Triangles(
@@ -42,7 +44,7 @@ def without_strays(leaves: Geometry) -> tuple[Geometry, list[str]]:
     kept = used_only(source, ~far)
     times = distances.max() / usual
     said = (
-        f"{far.sum()} of {len(far)} leaf triangles are left out: the farthest lies {times:.0f} times as far from the "
+        f"leaf triangles left out: {far.sum()} of {len(far)}. The farthest lies {times:.0f} times as far from the "
         "crown's middle as 99 % of the leaves; move or delete them"
     )
     return (

@@ -40,8 +40,9 @@ def fill_eye(tree: bpy.types.NodeTree) -> None:
 
 
 def eye_groups() -> list[bpy.types.NodeTree]:
-    """Return the groups of this file and of those that it links to."""
-    return [tree for tree in bpy.data.node_groups if LAYOUT_KEY in tree]
+    """Return the groups of this file. Linked ones take no object of this file, so linked trees follow the camera."""
+    own = [tree for tree in bpy.data.node_groups if tree.library is None and LAYOUT_KEY in tree]
+    return [tree for tree in own if _FOLLOWS in tree.nodes and _CHOICE in tree.nodes]
 
 
 def look_from(place: Vector | None) -> None:

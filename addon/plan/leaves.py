@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -29,22 +30,23 @@ LEAST_SCORE, SURE_SCORE, DOUBTFUL_SCORE = 2, 3, 1
 """Score from which a part is leaves; from which it surely is; from which another one may be, too."""
 
 GROUND = 0.12
-"""Height over a tree's below which things lie on the ground."""
+"""Share of a tree's height up to which things lie on the ground."""
 
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 # At the start or at the end of a word: "leaflet" and "cloverleaf" match, "overleafing" and "leafless" do not.
 _LEAF = re.compile(
-    r"(?<![a-z])(?:leaf(?!less)|leaves|foliage|needle|frond|blatt|blätter|laub(?!e)|feuill|hoja|follaje|fogli|folha)"
-    r"|(?:leaf|leafs|leaves|foliage|needles?|fronds?|blatt|blätter|laub|feuilles?|feuillage|hojas?|foglie?|folhas?)(?![a-z])"
-    r"|лист|хво[йя]|叶|葉|잎"
+    r"(?<![a-z])(?:leaf(?!less)|leaves|foliage|needle|frond|blatt(?!los)|blätter|laub(?!e|b|h|sä)|feuill|hoja|follaje"
+    r"|fogli|folha)|(?:leaf|leafs|leaves|foliage|needles?|fronds?|blatt|blätter|feuilles?|hojas?|foglie?|folhas?)(?![a-z])"
+    r"|листь|листв(?!е)|листа?(?![а-я])|хво[йя]|[叶葉](?![树樹])|잎"
 )
 _WOOD = re.compile(
-    r"(?<![a-z])(?:bark|trunk|wood|stem|branch|twig|log|root|soil|dirt|ground|grave[ls]|pot|rock|stone|pebble|rinde|stamm"
-    r"|holz|erde|[eé]corce|tronc|bois|corteza|madera|corteccia|legno)(?:s|es|y)?(?![a-z])|кора|ствол|树皮|樹皮|樹幹|树干"
+    r"(?<![a-z])(?:bark|trunk|wood|stem|log|root|soil|dirt|ground|grave[ls]|pot|rock|stone|pebble|erde|[eé]corce|tronc|bois"
+    r"|corteza|madera|corteccia|legno)s?(?![a-z])|(?:rinde|stamm|holz)(?![a-z])|кора|ствол|树皮|樹皮|樹幹|树干"
 )
 
 _ANY = re.compile(
-    r"(?:leaf|leaves|foliage|needles?|fronds?|crown|canopy|branches|trunk|mesh|object|geometry|plane|empty)?[\W\d_]*"
+    r"(?:leaf|leaves|foliage|needles?|fronds?|crown|canopy|branches|trunk|mesh|object|geometry|plane|empty|scene"
+    r"|root ?node|armature|(?:scene |master )?collection|sammlung)?[\W\d_]*"
 )
 
 
@@ -119,7 +121,7 @@ def choose_by_names(parts: Sequence[MaterialPart], names: Sequence[str] | None) 
 
 def choose_by_shape(parts: Sequence[MaterialPart], shapes: Sequence[Shape]) -> LeafChoice:
     """Choose the parts that are leaves by their shapes. Raises `LeavesError` if none looks like leaves."""
-    whole = _Whole.of(shapes)
+    whole = _Whole.of(parts, shapes)
     found = [whole.judged(part, shape) for part, shape in zip(parts, shapes, strict=True)]
     scores = [sum(found_of.values()) for found_of in found]
     indices = tuple(i for i, score in enumerate(scores) if score >= LEAST_SCORE)
@@ -147,6 +149,7 @@ class _Whole:
 
     ground: height below which things lie on the ground. main: all parts with components like those of the small part
     with the largest area; None without small parts. They are judged together: each leaf may be an object of its own.
+    has_others: whether some object's name does not say wood: a stone pine is no stone.
     """
 
     low: float
@@ -156,9 +159,10 @@ class _Whole:
     area: float
     components: int
     main: Shape | None
+    has_others: bool
 
     @staticmethod
-    def of(shapes: Sequence[Shape]) -> _Whole:
+    def of(parts: Sequence[MaterialPart], shapes: Sequence[Shape]) -> _Whole:
         low = min(shape.low[2] for shape in shapes)
         height = max(max(shape.high[2] for shape in shapes) - low, 1e-9)
         ground = low + GROUND * height
@@ -176,6 +180,7 @@ class _Whole:
             area=max(sum(each.area for each in standing), 1e-30),
             components=sum(len(each.sizes) for each in shapes),
             main=main,
+            has_others=not all(says_wood(part.object_name) for part in parts),
         )
 
     def judged(self, part: MaterialPart, shape: Shape) -> dict[str, int]:
@@ -203,7 +208,8 @@ class _Whole:
         yield "long, thin and round like branches", -3, shape.are_rods
         yield "green", 1, shape.color is not None and _is_green(shape.color)
         yield "brown", -2, shape.color is not None and _is_brown(shape.color)
-        yield "its name says wood or ground", -6, any(map(says_wood, names_of(part)))
+        yield "its material says wood or ground", -6, says_wood(part.material_name)
+        yield "its name says wood or ground", -6, self.has_others and says_wood(part.object_name)
 
 
 def _are_alike(shape: Shape, other: Shape) -> bool:
@@ -232,14 +238,19 @@ def _is_brown(color: tuple[float, float, float]) -> bool:
 
 
 def says_leaf(name: str) -> bool:
-    """Return whether a name has a word that is, starts or ends with leaf, foliage, needle or frond, in any of some
+    """Return whether a name has a word that is, starts or ends with leaf, foliage, needle or frond, in one of ten
     languages."""
-    return _LEAF.search(_CAMEL.sub(" ", name).lower()) is not None
+    return _LEAF.search(_plain(name)) is not None
 
 
 def says_wood(name: str) -> bool:
-    """Return whether a name has a word for wood, soil, stones or pots, in any of some languages."""
-    return _WOOD.search(_CAMEL.sub(" ", name).lower().replace("_", " ")) is not None
+    """Return whether a name has a word for wood, soil, stones or pots, in one of seven languages."""
+    return _WOOD.search(_plain(name).replace("_", " ")) is not None
+
+
+def _plain(name: str) -> str:
+    """Return a name in lower case, with a space before each word in it that begins with a capital."""
+    return _CAMEL.sub(" ", unicodedata.normalize("NFC", name)).lower()
 
 
 def is_any_tree(name: str) -> bool:
@@ -281,7 +292,8 @@ def _choose_telling(parts: Sequence[MaterialPart]) -> LeafChoice | None:
             return says_leaf(part.material_name)
         if says_wood(part.material_name) and part.object_name in objects_with_others:
             return False
-        return says_leaf(part.object_name) or says_leaf(part.instancer_name)
+        names = (part.object_name, part.instancer_name)
+        return any(says_leaf(name) and not says_wood(name) for name in names)
 
     indices = tuple(i for i, part in enumerate(parts) if is_leaf(part))
     if not indices:

@@ -40,6 +40,7 @@ from .properties import LeafcloudPlanRow, LeafcloudSettings, LeafcloudStatus, sh
 from .rendering import LEAFCLOUD_OT_mend_rendering
 from .sample import LEAFCLOUD_OT_sample
 from .scene_panel import LEAFCLOUD_OT_scene, LEAFCLOUD_PT_scene, LeafcloudSceneSettings
+from .selected_tree import HANDLERS as SELECTION_HANDLERS
 from .selected_tree import forget_selection
 from .tree_panel import LEAFCLOUD_OT_remove, LEAFCLOUD_OT_show_level, LEAFCLOUD_PT_tree
 from .trees_panel import LEAFCLOUD_OT_select_tree, LEAFCLOUD_PT_trees
@@ -89,7 +90,7 @@ def register() -> None:
     bpy.types.WindowManager.leafcloud = bpy.props.PointerProperty(type=LeafcloudStatus)
     register_presets()
     add_menu()
-    add_handlers(VIEW_HANDLERS, INSTANCE_HANDLERS, DRAFT_HANDLERS, (("load_post", _forget_file),))
+    add_handlers(VIEW_HANDLERS, INSTANCE_HANDLERS, DRAFT_HANDLERS, SELECTION_HANDLERS, (("load_post", _forget_file),))
     follow_views()
 
 

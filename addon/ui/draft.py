@@ -82,7 +82,8 @@ def drawn_draft(context: bpy.types.Context, prepared: Mapping[str, Prepared], jo
     finally:
         for tree in tree_set.trees:
             remove_levels(tree.collection)
-        bpy.data.batch_remove([each for each in bpy.data.node_groups if each not in groups and not each.users])
+        while made := [each for each in bpy.data.node_groups if each not in groups and not each.users]:
+            bpy.data.batch_remove(made)  # Groups in it lose their last user.
         context.view_layer.update()  # Its list of objects has gaps before.
 
 

@@ -18,6 +18,7 @@ from ..nodes.points import PointSettings, add_points_modifier
 from ..viewport.labels import length_words
 from .job_operator import BUSY, running
 from .properties import with_labels
+from .wrapped import add_text
 
 _DEFAULTS, _POINTS = ForestSettings(()), PointSettings(smallest=0.8, largest=1.2)
 _measured: list[tuple[object, float]] = []
@@ -140,7 +141,10 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
         for kind, forest in enumerate(forests):
             forest.plant(points, width=wanted.width, far=wanted.far or NEVER, kind=kind)
         kinds = ", ".join(forest.variants.name.removesuffix("_forest") for forest in forests)
-        self.report({"INFO"}, f"Planted {kinds} on {points.name}: {count or 'a tree on each point'}")
+        self.report(
+            {"INFO"},
+            f"Planted {kinds} on {points.name}: {count or ('by density' if settings.density else 'a tree on each point')}",
+        )
         return {"FINISHED"}
 
 
@@ -162,7 +166,7 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         column.prop(wanted, "points")
         column = layout.column(align=True)
         column.prop(wanted, "on")
-        if _is_scattered(context):
+        if wanted.on != "points":
             ground = _points(context)
             column.prop(wanted, "density")
             if ground is not None and ground.type == "MESH":
@@ -178,7 +182,7 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         column.prop(wanted, "far")
         count = _count_words(context)
         if count and not _problem(context):
-            layout.label(text=count, icon="INFO")
+            add_text(layout, context, count, "INFO")
         layout.operator("leafcloud.forest")
         layout.operator("leafcloud.export_forest")
 
@@ -191,8 +195,9 @@ def _point_settings(context: bpy.types.Context, kinds: int) -> PointSettings:
 
 def _is_scattered(context: bpy.types.Context) -> bool:
     """Return whether trees are scattered on faces."""
-    on, points = context.scene.leafcloud_forest.on, _points(context)
-    return bool(on == "faces" or (on == "auto" and points is not None and is_ground(points)))
+    wanted, points = context.scene.leafcloud_forest, _points(context)
+    is_wished = wanted.on == "faces" or (wanted.on == "auto" and wanted.density > 0.0)
+    return is_wished or (wanted.on == "auto" and points is not None and is_ground(points))
 
 
 def _density(context: bpy.types.Context) -> float:
@@ -207,16 +212,16 @@ def _area(obj: bpy.types.Object) -> float:
     """Return the area of an object, which is measured again where its mesh or its scale is another."""
     if obj.type != "MESH":
         return 0.0
-    key = (obj.data.session_uid, len(obj.data.vertices), *obj.matrix_world.to_scale())
+    key = (obj.data.session_uid, len(obj.data.vertices), len(obj.data.polygons), *obj.matrix_world.to_scale())
     if not _measured or _measured[0][0] != key:
         _measured[:] = [(key, area_of(obj))]
     return _measured[0][1]
 
 
 def _count_words(context: bpy.types.Context) -> str:
-    """Return how many trees the object gets, without mask and slope; empty where each point gets one."""
+    """Return how many trees the object gets, without mask, slope and modifiers; empty where that is not known."""
     density, points = _density(context), _points(context)
-    if points is None or density == 0.0:
+    if points is None or density == 0.0 or _area(points) == 0.0:
         return ""
     return f"about {density * _area(points):,.0f} trees, {length_words(density**-0.5)} apart"
 
@@ -238,7 +243,7 @@ def _problem(context: bpy.types.Context) -> str:
         return f"{points.name} belongs to a baked tree: choose the object with the points"
     if is_scaled(points) and not may_apply_scale(points):
         return f"{points.name} has a scale, which would stretch the trees: use Object › Apply › Scale"
-    if context.scene.leafcloud_forest.on == "faces" and _area(points) == 0.0:
+    if _is_scattered(context) and points.type == "MESH" and not points.modifiers and _area(points) == 0.0:
         return f"{points.name} has no faces: choose Points under On"
     return ""
 

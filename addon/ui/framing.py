@@ -47,6 +47,7 @@ class LEAFCLOUD_OT_frame_level(OnTree, bpy.types.Operator):
 
     bl_idname = "leafcloud.frame_level"
     bl_label = "Show at Its Size"
+    bl_options = {"REGISTER", "UNDO"}
 
     level: IntProperty(name="Level", description="Number of the level", min=0)
 
@@ -63,6 +64,8 @@ class LEAFCLOUD_OT_frame_level(OnTree, bpy.types.Operator):
         show_level(tree, self.level, context.view_layer)
         if view.view_perspective == "CAMERA":
             view.view_perspective = "PERSP"
+            view.update()  # Its matrix is the camera's before.
+        height = radius * view.window_matrix[1][1] / share
         view.view_location = centre
-        view.view_distance = radius * view.window_matrix[1][1] / share if view.is_perspective else radius / share
+        view.view_distance = height if view.is_perspective else height * view.view_distance
         return {"FINISHED"}

@@ -15,13 +15,16 @@ from mathutils import Vector
 from ..errors import SceneError
 from ..material.surface import read_surface
 from ..mesh.baked_levels import record_of
+from ..mesh.meshes import names_around
 from ..mesh.pieces import Piece, divided, ground_of, shape_of
 from ..plan.leaves import LeavesError, MaterialPart, Shape, choose_by_names, choose_by_shape
+from ..plan.other_levels import coarser
+from .handlers import Handlers
 from .properties import leaf_names
 from .selection import with_children
 
-_MOST_FACES = 30_000
-"""Faces that are counted in a tenth of a second."""
+_MOST_FACES, _MOST_OBJECTS = 30_000, 150
+"""Faces and objects that are counted in a tenth of a second."""
 
 _NO_LEAVES = "no leaves found, name them in Levels"
 
@@ -37,7 +40,7 @@ def selection_words(context: bpy.types.Context) -> str:
 
 def leaves_problem(context: bpy.types.Context) -> str:
     """Return why the selection cannot be baked, with the remedy, if it has no leaves; empty if it may have some."""
-    if _selected_parts(context) != _NO_LEAVES:
+    if context.scene.leafcloud.trees != "one" or _selected_parts(context) != _NO_LEAVES:
         return ""
     return f"No leaves are found in {_name(context)}: select a tree, or name its leaves under Levels › Leaves"
 
@@ -57,6 +60,19 @@ def _selected_parts(context: bpy.types.Context) -> str:
 def forget_selection() -> None:
     """Forget the last selection, as when another file opens."""
     _last.clear()
+
+
+def _on_change(scene: bpy.types.Scene, graph: bpy.types.Depsgraph) -> None:
+    """Look at the selection anew where a material or a selected object has changed."""
+    if _last and any(_tells(update.id.original) for update in graph.updates):
+        _last.clear()
+
+
+def _tells(block: bpy.types.ID) -> bool:
+    return isinstance(block, bpy.types.Material) or (isinstance(block, bpy.types.Object) and block.select_get())
+
+
+HANDLERS: Handlers = (("depsgraph_update_post", _on_change),)
 
 
 def _name(context: bpy.types.Context) -> str:
@@ -81,7 +97,9 @@ def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> 
     count = len(objects)
     meshes = [obj for obj in objects if _faces(obj)]
     plain = all(obj.type in ("MESH", "EMPTY") and not obj.modifiers and obj.instance_type == "NONE" for obj in objects)
-    if not plain or not meshes or sum(map(_faces, meshes)) > _MOST_FACES:
+    left_out = set(coarser([(obj.name, *names_around(obj)) for obj in meshes]))
+    meshes = [obj for number, obj in enumerate(meshes) if number not in left_out]
+    if not plain or not meshes or sum(map(_faces, meshes)) > _MOST_FACES or len(meshes) > _MOST_OBJECTS:
         return f"{count} object{'s' if count > 1 else ''}"
     corners = [[(obj.matrix_world @ Vector(corner)).z for corner in obj.bound_box] for obj in meshes]
     ground = ground_of(list(map(min, corners)), list(map(max, corners)))

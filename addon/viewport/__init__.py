@@ -1,1 +1,1 @@
-"""Preview of baked levels from a 3D view: morphs, pruning and fades by shaders/leafcloud.glsl."""
+"""What 3D views show of levels: the eye that they are seen from, and labels."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import bpy
-from mathutils import Matrix, Vector
+from mathutils import Vector
 
 from ..nodes.eye import eye_groups, forget_view, look_from, place_of_eye
 
@@ -19,8 +19,8 @@ _PERIOD, _IDLE = 0.1, 1.0
 _STEP = 0.02
 """Least move of the eye, as a share of its distance from the middle of the view: each one evaluates all levels."""
 
-_seen: dict[int, Matrix] = {}
-"""The last matrix of each 3D view, by the address of its area. The last one is that of the view that is followed."""
+_seen: dict[int, tuple[object, ...]] = {}
+"""How each 3D view stood, by the address of its area. The last one is the view that is followed."""
 
 
 def follow_views() -> None:
@@ -62,10 +62,12 @@ def _followed(views: list[tuple[int, bpy.types.RegionView3D]]) -> bpy.types.Regi
     for gone in _seen.keys() - here.keys():
         del _seen[gone]
     for address, view in here.items():
-        matrix = view.view_matrix.copy()
-        if _seen.get(address) != matrix:
+        # A view through a camera that moves is not turned by anybody.
+        through = view.view_perspective == "CAMERA"
+        stands = ("CAMERA",) if through else (view.view_matrix.copy(), view.view_distance)
+        if _seen.get(address) != stands:
             _seen.pop(address, None)
-            _seen[address] = matrix
+            _seen[address] = stands
     return here[next(reversed(_seen))] if _seen else None
 
 

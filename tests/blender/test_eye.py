@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import pytest
 from lod_scenes import FOUR, add_camera, build, evaluate, place
-from mathutils import Matrix, Vector
+from mathutils import Matrix, Quaternion, Vector
 
-from addon.nodes.eye import GROUP_NAME, eye_groups, forget_view, look_from, place_of_eye
+from addon.nodes.eye import GROUP_NAME, eye_groups, look_from, place_of_eye
 from addon.nodes.laws import NEVER
 from addon.nodes.lod import LodSettings, add_lod_modifier
 from addon.versions import set_modifier_input
+from addon.viewport.eye import place_of
 
 pytestmark = pytest.mark.version
 
@@ -74,10 +76,10 @@ def test_a_render_sees_from_the_camera(level: bpy.types.Object, tmp_path: Path) 
     assert drawn() > 0.0
 
 
+@pytest.mark.usefixtures("registered")
 def test_nothing_of_the_view_stays_in_a_file(level: bpy.types.Object, tmp_path: Path) -> None:
     look_from(Vector((0.0, 1.0, 0.0)))
     assert place_of_eye() == Vector((0.0, 1.0, 0.0))
-    forget_view()
     name, path = level.name, str(tmp_path / "tree.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
@@ -98,3 +100,34 @@ def test_a_level_by_hand_needs_no_eye(level: bpy.types.Object) -> None:
     set_modifier_input(level.modifiers[0], "Manual", True)
     look_from(Vector((0.0, 51.0, 0.0)))
     assert is_drawn(level)
+
+
+def test_a_linked_tree_follows_the_camera(level: bpy.types.Object, tmp_path: Path) -> None:
+    path, name = str(tmp_path / "tree.blend"), level.name
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    camera = add_camera((FAR, 0.0, 0.0))
+    with bpy.data.libraries.load(path, link=True) as (_, linked):
+        linked.objects = [name]
+    bpy.context.scene.collection.objects.link(linked.objects[0])
+    look_from(Vector((0.0, 1.0, 0.0)))
+    assert not is_drawn(linked.objects[0])
+    camera.location.x = 49.0
+    assert is_drawn(linked.objects[0])
+    assert place_of_eye() is None
+
+
+@pytest.mark.parametrize(
+    ("perspective", "place"), [("PERSP", (1.0, 2.0, 13.0)), ("ORTHO", (1.0, 2.0, 13.0)), ("CAMERA", None)]
+)
+def test_the_place_of_a_view(perspective: str, place: tuple[float, float, float] | None) -> None:
+    """The view looks down from 10 above the point that it turns about."""
+    view = SimpleNamespace(
+        view_perspective=perspective,
+        view_location=Vector((1.0, 2.0, 3.0)),
+        view_rotation=Quaternion(),
+        view_distance=10.0,
+        view_matrix=Matrix.Translation((-1.0, -2.0, -13.0)),
+    )
+    found = place_of(view)
+    assert (None if found is None else tuple(found)) == place

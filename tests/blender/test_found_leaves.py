@@ -30,7 +30,8 @@ def test_coarser_levels_of_another_tool_are_left_out() -> None:
     objects = [add_mesh(name, own.tolist(), of) for name, own, of in meshes]
     tree = read(objects, None)
     assert len(tree.leaves.triangles) == 2 * len(faces)
-    assert tree.dropped == ["'Oak_Billboard', 'Oak_LOD1': coarser levels of another tool"]
+    assert tree.warnings == ["'Oak_Billboard', 'Oak_LOD1': left out, coarser levels of another tool"]
+    assert len(read(objects, ["Oak_LOD1"]).leaves.triangles) == 2 * len(few), "a name of leaves decides first"
     assert set(tree.sources) == set(objects), "the bake hides them"
 
 
@@ -42,4 +43,4 @@ def test_a_leaf_far_away_is_left_out_and_named() -> None:
     assert len(tree.leaves.triangles) == 2 * len(faces)
     assert tree.leaves.positions[:, 0].max() < 10.0
     [warning] = tree.warnings
-    assert warning.startswith("1 of 601 leaf triangles are left out: the farthest lies ")
+    assert warning.startswith("leaf triangles left out: 1 of 601. The farthest lies ")

@@ -60,7 +60,13 @@ def test_an_object_with_instances_is_no_ground() -> None:
     assert is_ground(ground)
     add_lod_modifier(ground, LodSettings(start=NEVER, end=NEVER))
     assert is_ground(ground), "a modifier of ours"
-    ground.modifiers.new("scatter", "NODES")
+    smooth = ground.modifiers.new("smooth", "NODES")
+    smooth.node_group = bpy.data.node_groups.new("smooth", "GeometryNodeTree")
+    assert is_ground(ground), "a modifier without instances"
+    outer = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
+    outer.nodes.new("GeometryNodeGroup").node_tree = smooth.node_group
+    ground.modifiers.new("scatter", "NODES").node_group = outer
+    smooth.node_group.nodes.new("GeometryNodeInstanceOnPoints")
     assert not is_ground(ground)
     assert not is_ground(add_mesh("points", [(0, 0, 0)], []))
 
@@ -78,9 +84,13 @@ def test_a_scale_moves_into_the_mesh() -> None:
 def test_a_scale_that_others_share_stays() -> None:
     ground = square(1.0)
     ground.scale = (2.0, 2.0, 2.0)
-    place(ground.data, "twin")
+    twin = place(ground.data, "twin")
     bpy.context.view_layer.update()
     assert not may_apply_scale(ground)
+    bpy.data.objects.remove(twin)
+    assert may_apply_scale(ground)
+    ground.modifiers.new("waves", "DISPLACE")
+    assert not may_apply_scale(ground), "its strength is in units of the mesh"
 
 
 def test_copies_stand_beside_each_other() -> None:

@@ -27,7 +27,7 @@ def count():
 before = count()
 for _ in range(3):
     addon.register()
-    assert count() == before + 9, count()
+    assert count() == before + 10, count()
     addon.unregister()
     assert count() == before
 """

@@ -1,4 +1,4 @@
-"""Detection of leaves: by given names, by telling names, by many small components."""
+"""Detection of leaves: by given names, by telling names, by shapes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,6 @@ def shape(sizes: list[int], area: float, box: tuple[Low, Low] = CROWN, **more: A
 def named_leaves(parts: list[MaterialPart], names: list[str] | None) -> tuple[int, ...]:
     choice = choose_by_names(parts, names)
     assert choice is not None
-    assert choice is not None
     return choice.indices
 
 
@@ -43,6 +42,17 @@ SAY_LEAF = [
 @pytest.mark.parametrize("name", SAY_LEAF)
 def test_telling_names_are_recognized(name: str) -> None:
     assert says_leaf(name)
+
+
+@pytest.mark.parametrize("name", ["Laubbaum_Stamm", "Urlaub", "針葉樹_幹", "Ствол_лиственницы", "blattlos"])
+def test_words_for_trees_are_no_leaves(name: str) -> None:
+    assert not says_leaf(name)
+
+
+def test_a_stone_pine_is_no_stone() -> None:
+    parts = [MaterialPart("Stone_Pine", "a", 1), MaterialPart("Stone_Pine", "b", 1)]
+    choice = choose_by_shape(parts, [shape([2] * 500, 20.0), shape([120], 4.0, TRUNK)])
+    assert (choice.indices, choice.doubt) == ((0,), "")
 
 
 @pytest.mark.parametrize("name", ["", "bark", "branches", "trunk", "overleafing", "leafless_twigs", "relief", "lea f"])
@@ -124,13 +134,13 @@ def test_wood_in_an_object_that_says_leaf_is_wood() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["Bark", "tree_trunk", "M_Wood", "OakBranches", "soil", "Rinde", "Holz", "кора", "樹皮"]
+    "name", ["Bark", "tree_trunk", "M_Wood", "Baumstamm", "Eichenholz", "soil", "Rinde", "Holz", "кора", "樹皮"]
 )
 def test_words_for_wood_are_recognized(name: str) -> None:
     assert says_wood(name)
 
 
-@pytest.mark.parametrize("name", ["", "leaf", "Woodland", "stemless", "rocket", "Green"])
+@pytest.mark.parametrize("name", ["", "leaf", "Woodland", "stemless", "rocket", "Rocky", "pine_twig", "Green"])
 def test_other_words_are_no_wood(name: str) -> None:
     assert not says_wood(name)
 
