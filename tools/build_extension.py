@@ -19,7 +19,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-ADDON, LAWS, SAMPLE = ROOT / "addon", ROOT / "shaders" / "leafcloud.glsl", ROOT / "examples" / "shrub.glb"
+ADDON, SAMPLE = ROOT / "addon", ROOT / "examples" / "shrub.glb"
 # Licenses of what the wheel holds, and of the wheel and the laws. The add-on's own license is in its folder.
 LICENSES = [ROOT / name for name in ("THIRD_PARTY_LICENSES.txt", "LICENSE-MIT", "LICENSE-APACHE")]
 
@@ -77,8 +77,6 @@ def build(wheel: Path, out: Path) -> Path:
         shutil.copytree(ADDON, source, ignore=shutil.ignore_patterns("__pycache__"))
         (source / "wheels").mkdir()
         shutil.copy(wheel, source / "wheels")
-        (source / "shaders").mkdir()
-        shutil.copy(LAWS, source / "shaders")
         (source / "samples").mkdir()
         shutil.copy(SAMPLE, source / "samples")
         for text in LICENSES:

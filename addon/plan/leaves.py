@@ -37,7 +37,7 @@ _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _LEAF = re.compile(
     r"(?<![a-z])(?:leaf(?!less)|leaves|foliage|needle|frond|blatt(?!los)|blätter|laub(?!e|b|h|sä)|feuill|hoja|follaje"
     r"|fogli|folha)|(?:leaf|leafs|leaves|foliage|needles?|fronds?|blatt|blätter|feuilles?|hojas?|foglie?|folhas?)(?![a-z])"
-    r"|листь|листв(?!е)|листа?(?![а-я])|хво[йя]|[叶葉](?![树樹])|잎"
+    r"|листь|листв(?!е)|листа?(?![а-я])|хво[йя]|[叶葉](?![树樹])|잎"  # noqa: RUF001
 )
 _WOOD = re.compile(
     r"(?<![a-z])(?:bark|trunk|wood|stem|log|root|soil|dirt|ground|grave[ls]|pot|rock|stone|pebble|erde|[eé]corce|tronc|bois"

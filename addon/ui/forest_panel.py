@@ -141,10 +141,8 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
         for kind, forest in enumerate(forests):
             forest.plant(points, width=wanted.width, far=wanted.far or NEVER, kind=kind)
         kinds = ", ".join(forest.variants.name.removesuffix("_forest") for forest in forests)
-        self.report(
-            {"INFO"},
-            f"Planted {kinds} on {points.name}: {count or ('by density' if settings.density else 'a tree on each point')}",
-        )
+        said = count or ("by density" if settings.density else "a tree on each point")
+        self.report({"INFO"}, f"Planted {kinds} on {points.name}: {said}")
         return {"FINISHED"}
 
 

@@ -69,14 +69,14 @@ def test_a_selection_that_takes_long_to_count_is_told_by_its_objects() -> None:
 
 
 def test_a_selection_without_leaves_says_so() -> None:
-    leaves(2, "rock")
+    leaves(1, "rock")
     assert selection_words(bpy.context) == "rock: no leaves found, name them in Levels"
     bpy.context.scene.leafcloud.leaves = "rok"
     assert selection_words(bpy.context) == "rock: no leaves of that name"
 
 
 def test_a_renamed_material_is_seen_and_so_is_a_slot_of_the_object() -> None:
-    rock = leaves(3, "rock")
+    rock = leaves(1, "rock")
     material = bpy.data.materials.new("stone")
     rock.data.materials.append(None)
     rock.material_slots[0].link = "OBJECT"
