@@ -83,7 +83,7 @@ def test_a_renamed_material_is_seen_and_so_is_a_slot_of_the_object() -> None:
     rock.material_slots[0].material = material
     assert "no leaves" in selection_words(bpy.context)
     material.name = "Leaf"
-    assert selection_words(bpy.context) == "rock: 3 leaves"
+    assert selection_words(bpy.context) == "rock: 1 leaf"
 
 
 def test_an_empty_stands_for_the_tree_below_it() -> None:
