@@ -82,13 +82,6 @@ def unlit_material(
     return material
 
 
-def strength_of(material: bpy.types.Material | None) -> float | None:
-    """Return the strength of the light baked into a material; None without baked light."""
-    extras = {} if material is None else material.get(EXTRAS, {})
-    strength = extras.get("light_strength") if hasattr(extras, "get") else None
-    return None if strength is None else float(strength)
-
-
 def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
     """Add nodes that output the baked light of the visible side."""
     side, mix = _node(tree, "NewGeometry", (0.0, 0.0)), _node(tree, "Mix", (0.0, 0.0))

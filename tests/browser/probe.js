@@ -11,14 +11,6 @@
 //
 // {textures: url, transcoder}: loads the file with a renderer. The answer has {compressed, plain}: how many of the textures
 // of base color are compressed ones, and how many are pictures. Without a `transcoder` three.js's own is used.
-//
-// {vertex, fragment, attributes: {name: {values, size}}, views: [uniforms]}: runs a complete shader with an output
-// `seen_point`. The answer has the points for each of the views.
-//
-// {vertex, fragment, side, images: {name: {path, width, height, encoded}}, pictures: [[{attributes, uniforms, samplers}]]}:
-// draws with a complete shader with an output `shown_color`, triangle by triangle, one picture for each list. A picture is
-// `side` × `side` × 4 floats, lowest row first, 0 in empty pixels. An image is a file of RGBA bytes, lowest row first,
-// sRGB if `encoded`. `samplers` map names to images, "" to white.
 import * as THREE from "three";
 import { SHARES } from "/engines/three/src/glsl.js";
 import { LAWS, Tree } from "/engines/three/src/index.js";
@@ -40,11 +32,11 @@ function compiled(kind, source) {
 
 const NO_FRAGMENTS = "#version 300 es\nvoid main() {}";
 
-function linked(vertexSource, fragmentSource = NO_FRAGMENTS, captured = ["result"]) {
+function linked(vertexSource) {
   const program = gl.createProgram();
   gl.attachShader(program, compiled(gl.VERTEX_SHADER, vertexSource));
-  gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, fragmentSource));
-  gl.transformFeedbackVaryings(program, captured, gl.SEPARATE_ATTRIBS);
+  gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, NO_FRAGMENTS));
+  gl.transformFeedbackVaryings(program, ["result"], gl.SEPARATE_ATTRIBS);
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program));
   return program;
@@ -52,13 +44,8 @@ function linked(vertexSource, fragmentSource = NO_FRAGMENTS, captured = ["result
 
 /** Returns the output `result` for each of `count` points. */
 function computed(vertexSource, attributes, uniforms, count) {
-  return run(linked(vertexSource), attributes, uniforms, count, 4);
-}
-
-/** Runs `program` and returns `width` numbers for each of `count` points. */
-function run(program, attributes, uniforms, count, width) {
-  prepare(program, attributes, uniforms);
-  return captured(count, width);
+  prepare(linked(vertexSource), attributes, uniforms);
+  return captured(count);
 }
 
 function prepare(program, attributes, uniforms) {
@@ -80,8 +67,8 @@ function prepare(program, attributes, uniforms) {
   }
 }
 
-function captured(count, width) {
-  const results = new Float32Array(width * count);
+function captured(count) {
+  const results = new Float32Array(4 * count);
   const buffer = gl.createBuffer();
   gl.bindBuffer(gl.ARRAY_BUFFER, null);
   gl.bindBuffer(gl.TRANSFORM_FEEDBACK_BUFFER, buffer);
@@ -123,78 +110,6 @@ function placed(geometry, uniforms) {
     values[`lcWind.${name}`] = value.toArray?.() ?? [value];
   }
   return computed(source, geometry.attributes, values, position.count).filter((_, i) => i % 4 < 3);
-}
-
-function previewed({ vertex, fragment, attributes, views }) {
-  const arrays = arraysOf(attributes);
-  const count = attributes.rank.values.length;
-  const program = linked(vertex, fragment, ["seen_point"]);
-  return views.map((uniforms) => [...run(program, arrays, uniforms, count, 3)]);
-}
-
-function arraysOf(attributes) {
-  const arrays = Object.entries(attributes).map(([name, { values, size }]) => {
-    return [name, { array: Float32Array.from(values), itemSize: size }];
-  });
-  return Object.fromEntries(arrays);
-}
-
-function textured(pixels, width, height, encoded) {
-  const texture = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, texture);
-  const format = encoded ? gl.SRGB8_ALPHA8 : gl.RGBA8;
-  gl.texImage2D(gl.TEXTURE_2D, 0, format, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-  gl.generateMipmap(gl.TEXTURE_2D);
-  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
-  return texture;
-}
-
-async function texturesOf(images) {
-  const textures = { "": textured(new Uint8Array([255, 255, 255, 255]), 1, 1, false) };
-  for (const [name, { path, width, height, encoded }] of Object.entries(images)) {
-    const pixels = new Uint8Array(await (await fetch(path)).arrayBuffer());
-    textures[name] = textured(pixels, width, height, encoded);
-  }
-  return textures;
-}
-
-function newTarget(side) {
-  if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("no pictures of floats here");
-  gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
-  for (const [attachment, format] of [
-    [gl.COLOR_ATTACHMENT0, gl.RGBA32F],
-    [gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT32F],
-  ]) {
-    const buffer = gl.createRenderbuffer();
-    gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
-    gl.renderbufferStorage(gl.RENDERBUFFER, format, side, side);
-    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, attachment, gl.RENDERBUFFER, buffer);
-  }
-  gl.viewport(0, 0, side, side);
-  gl.enable(gl.DEPTH_TEST);
-  gl.depthFunc(gl.LEQUAL);
-}
-
-async function painted({ vertex, fragment, side, images, pictures }) {
-  const textures = await texturesOf(images);
-  const program = linked(vertex, fragment, []);
-  newTarget(side);
-  return pictures.map((draws) => {
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    for (const { attributes, uniforms, samplers } of draws) {
-      prepare(program, arraysOf(attributes), uniforms);
-      Object.entries(samplers).forEach(([name, image], unit) => {
-        gl.activeTexture(gl.TEXTURE0 + unit);
-        gl.bindTexture(gl.TEXTURE_2D, textures[image]);
-        gl.uniform1i(gl.getUniformLocation(program, name), unit);
-      });
-      gl.drawArrays(gl.TRIANGLES, 0, attributes.rank.values.length);
-    }
-    const pixels = new Float32Array(4 * side * side);
-    gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, pixels);
-    if (gl.getError() !== gl.NO_ERROR) throw new Error("WebGL refused a call");
-    return encoded(pixels);
-  });
 }
 
 function encoded(values) {
@@ -274,9 +189,7 @@ const answer = (content) => fetch("/answer", { method: "POST", body: JSON.string
 try {
   const question = await (await fetch("/question")).json();
   if (question.tables) await answer({ tables: question.tables.map((table) => tabulated(table, question.shares)) });
-  else if (question.pictures) await answer({ pictures: await painted(question) });
   else if (question.textures) await answer(await texturesIn(question));
-  else if (question.vertex) await answer({ points: previewed(question) });
   else await answer({ seen: await seen(question) });
 } catch (error) {
   await answer({ error: `${error}\n${error.stack}` });
