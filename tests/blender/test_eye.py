@@ -55,9 +55,6 @@ def test_the_eye_is_seen_from_where_the_tree_is(level: bpy.types.Object) -> None
 
 
 def test_a_render_sees_from_the_camera(level: bpy.types.Object, tmp_path: Path) -> None:
-    material = bpy.data.materials.new("White")
-    material.use_nodes = True
-    level.data.materials.append(material)
     scene = bpy.context.scene
     scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 16.0
     scene.camera.rotation_euler = (1.5708, 0.0, 1.5708)
