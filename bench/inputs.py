@@ -1,8 +1,8 @@
 """Tells whether the leaves of plants of all kinds are found: `make bench-inputs`.
 
-The plants are made by tests/support/plants_of_parts.py, so their leaves are known. *Right*: at least 98 % of the area
-of the leaves is found without a question, and others are at most 2 % of it. *Asked*: a warning or a refusal names the
-doubt. Prints Markdown, and writes docs/bench/inputs.md.
+tests/support/plants_of_parts.py makes the plants, and knows which triangles are leaves. *Right*: at least 98 % of the
+area of the leaves is found without a question, and others are at most 2 % of it. *Asked*: a warning or a refusal names
+the doubt. Prints Markdown, and writes docs/bench/inputs.md.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from stage import ROOT
 
 HEAD = """# Leaves that are found
 
-Made by `make bench-inputs` at {commit}. Plants of [plants_of_parts.py](../../tests/support/plants_of_parts.py), whose
-leaves are known. *Right*: at least 98 % of their area is found without a question, and others are at most 2 % of it.
-*Asked*: a warning or a refusal names the doubt; plants without leaves are refused.
+Made by `make bench-inputs` at {commit}. The script [plants_of_parts.py](../../tests/support/plants_of_parts.py) makes
+the plants, and knows which triangles are leaves. *Right*: at least 98 % of their area is found without a question, and
+others are at most 2 % of it. *Asked*: a warning or a refusal names the doubt; plants without leaves are refused.
 
 """
 

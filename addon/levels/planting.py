@@ -27,7 +27,10 @@ def width_of(collection: bpy.types.Collection) -> float:
 
 
 def _box_of(mesh: bpy.types.Mesh) -> list[Vector]:
-    """Return the corners of the box around a mesh itself: that of an object is the box of what the view shows of it."""
+    """Return the corners of the box around all vertices of a mesh.
+
+    The property `bound_box` of an object has the box of the evaluated mesh, from which the view may have pruned leaves.
+    """
     key = mesh.session_uid, len(mesh.vertices)
     if key not in _boxes:
         points = np.empty((len(mesh.vertices), 3), np.float32)

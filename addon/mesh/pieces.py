@@ -48,8 +48,10 @@ def divided(
     matrix: NDArray[np.float64],
     ground: float,
 ) -> tuple[NDArray[np.int32], list[Piece]]:
-    """Divide the triangles (t, 3) of a mesh, of which each has a material slot (t,). matrix: (4, 4) to the world.
-    ground: height in the world below which things lie on the ground.
+    """Divide a mesh into parts, each within one material slot.
+
+    triangles: (t, 3) indices of vertices. slots: (t,) the material slot of each triangle. matrix: (4, 4), from the mesh
+    to the world. ground: height in the world; what is lower lies on the ground.
 
     Return the part of each triangle (t,), and the parts. Those of a slot follow one another.
     """
@@ -77,7 +79,7 @@ def divided(
 
 
 def _is_rod(corners: NDArray[np.float64]) -> bool:
-    """Return whether triangles (t, 3, 3) lie along a line, and face all sides of it, as those of a branch."""
+    """Return whether the surface of triangles (t, 3, 3) is long, thin and round, as a branch is."""
     points = corners.reshape(-1, 3)
     long, middle = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[:2]
     a, b, c = corners.transpose(1, 0, 2)

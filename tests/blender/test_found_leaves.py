@@ -1,4 +1,4 @@
-"""Leaves that are found in plants whose leaves are known by construction."""
+"""The search for leaves, in small plants of many kinds: the script that makes them knows which triangles are leaves."""
 
 from __future__ import annotations
 

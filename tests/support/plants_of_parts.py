@@ -1,4 +1,4 @@
-"""Small plants whose leaves are known by construction: kinds of crowns, of files, and of things beside the leaves.
+"""Small plants of many kinds, made by script. The script knows which triangles are leaves.
 
 A plant is made of parts, each leaves or not. A way of packing puts them into objects and materials, with names and
 colors that tell or do not. `KINDS` has all plants by name.
@@ -42,9 +42,10 @@ class Part:
 
 @dataclass(frozen=True)
 class Found:
-    """What was found: the share of the leaves' area that is leaves, and the area of others among them over it.
+    """What the search for leaves found.
 
-    is_told: whether a warning tells of a doubt, or the plant was refused.
+    leaves: area of the true leaves that it found, over the area of all true leaves. others: area that it took for
+    leaves by mistake, over the same. is_told: whether a warning tells of a doubt, or the plant was refused.
     """
 
     leaves: float
