@@ -31,9 +31,9 @@ import re
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
     from addon.geometry import Tree
     from addon.mesh.trees import Groups
+    from addon.scene.obj_corrections import Up
     from addon.plan.decision import Decision
     from addon.plan.effects import CameraNote
     from addon.settings.bake import BakeSettings
@@ -169,8 +170,9 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
     from addon.mesh.trees import extract_trees, grouped, rendered
 
     files: dict[str, set[bpy.types.Object]] = {}
+    notes: list[str] = []
     if options.input is not None:
-        files = _load(options.input)
+        files, notes = _load(options.input, options.up)
         name = file_name("_".join(files))
     elif not bpy.app.binary_path:
         raise Refusal("no scene is open in the bpy module: name a file with --input FILE")
@@ -179,27 +181,41 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
         name = file_name(Path(bpy.data.filepath).stem or ("tree" if active is None else active.name))
     depsgraph = bpy.context.evaluated_depsgraph_get()
     if options.trees == "one" and len(files) < 2:
-        return {name: extract(depsgraph, None, leaf_names=options.leaves)}, name
-    shown = rendered(layer_of(bpy.context.scene))
-    groups: Groups = {stem: [obj for obj in shown if obj in objects] for stem, objects in files.items()}
-    if options.trees != "one":
-        groups = grouped(shown, options.trees)
-    return extract_trees(depsgraph, groups, leaf_names=options.leaves), name
+        trees = {name: extract(depsgraph, None, leaf_names=options.leaves)}
+    else:
+        shown = rendered(layer_of(bpy.context.scene))
+        groups: Groups = {stem: [obj for obj in shown if obj in objects] for stem, objects in files.items()}
+        if options.trees != "one":
+            groups = grouped(shown, options.trees)
+        trees = extract_trees(depsgraph, groups, leaf_names=options.leaves)
+    if options.alpha == "texture":
+        _cut_out(trees)
+    return {each: replace(tree, warnings=[*notes, *tree.warnings]) for each, tree in trees.items()}, name
 
 
-def _load(files: Sequence[Path]) -> dict[str, set[bpy.types.Object]]:
-    """Open the files in one scene. Return the objects of each file by the file's name."""
+def _cut_out(trees: Mapping[str, Tree]) -> None:
+    """Cut the leaves' opaque materials out by their images."""
+    from addon.material.cutouts import cut_out_by_images
+
+    for tree in trees.values():
+        cut_out_by_images(tree.leaves.materials)
+
+
+def _load(files: Sequence[Path], up: Up) -> tuple[dict[str, set[bpy.types.Object]], list[str]]:
+    """Open the files in one scene. Return the objects of each file by the file's name, and notes about the files."""
     import bpy
 
     from addon.mesh.trees import numbered
     from addon.scene.load import load, load_beside
 
     first, *others = files
-    load(first)
+    notes = load(first, up)
     groups = {first.stem: set(bpy.data.objects)}
     for path in others:
-        groups[numbered(path.stem, groups.__contains__)] = set(load_beside(path))
-    return groups
+        objects, more = load_beside(path, up)
+        groups[numbered(path.stem, groups.__contains__)] = set(objects)
+        notes += more
+    return groups, notes
 
 
 def _plan(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:

@@ -26,8 +26,9 @@ from ..levels.build import build_levels
 from ..levels.building import Build, Costs, LeafShading
 from ..levels.trunk import unrolled
 from ..material.blended import cut_message, is_blended, see_through
+from ..material.cutouts import forgotten_alpha
 from ..material.shading import reflection_of
-from ..material.surface import read_surface
+from ..material.surface import are_unlit, read_surface
 from ..material.translucency import translucent_of
 from ..nodes.wind import WindSettings
 from ..plan.camera_visibility import seen_as_set
@@ -72,6 +73,7 @@ def describe(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | No
         area=shape.area,
         glossy=reflection_of(leaves.materials).varies,
         translucent=translucent_of(leaves.materials).material,
+        unlit=are_unlit(leaves.materials),
         one_color=_is_one_color(leaves),
         blended=tuple(material.name for material in blended),
         see_through=see_through(leaves, blended),
@@ -131,6 +133,7 @@ def prepare(tree: Tree, settings: BakeSettings, layer: bpy.types.ViewLayer | Non
     pages = ktx2_warning(settings, clouds + cross)
     read = [*leaves.messages, *(() if trunks is None else trunks.messages), *reflection.warnings, *translucent.warnings]
     read += [] if light is None else light.warnings
+    read += forgotten_alpha(tree.leaves.materials) if settings.alpha == "auto" else []
     undrawn = undrawn_warnings(settings.engine, effects)
     warnings = tuple(dict.fromkeys([*tree.warnings, *read, *blended, *([pages] if pages else []), *undrawn]))
     blowing = (facts.wind or BREEZE) if is_on(effects, "wind") else None
@@ -197,6 +200,7 @@ def last_form(prepared: Prepared) -> Last:
     settings = prepared.settings
     _, cross = prepared.levels
     chosen = settings.engine in DRAW_OCTAHEDRAL and settings.chain == "billboards" and settings.wish is None
+    chosen = chosen and not prepared.facts.unlit  # Engines light octahedral impostors.
     return settings.last if cross and (settings.last == "octahedral" or chosen) else "cross"
 
 
@@ -253,6 +257,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
         shading=LeafShading(reflection.roughness, reflection.metallic, reflection.specular, prepared.translucent.share),
         light=None if light is None else light.leaves,
         light_strength=1.0 if light is None else light.strength,
+        unlit=prepared.facts.unlit,
         wind=wind_settings(prepared),
         owners=prepared.owners,
     )

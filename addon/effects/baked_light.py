@@ -38,6 +38,8 @@ class BakedLightEffect(Effect):
 
     def rule(self, situation: Situation) -> Rule:
         lights = situation.facts.lights
+        if situation.facts.unlit:
+            return False, "the leaves show their colors without light"
         if not situation.settings.unlit:
             return False, _BY_NAME
         if not lights.names:

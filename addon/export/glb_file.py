@@ -114,8 +114,8 @@ class Glb:
         self.document["accessors"].append(accessor)
         return len(self.document["accessors"]) - 1
 
-    def append_texture(self, material: dict[str, Any], name: str, png: bytes) -> int:
-        """Append a texture with the sampler of the base color texture of `material`. Return its index.
+    def append_texture(self, material: dict[str, Any], name: str, content: bytes) -> int:
+        """Append a texture, a PNG or JPEG file, with the sampler of the base color texture of `material`. Return its index.
 
         An image already appended under the same name is reused: trees may share images, and Blender's image names are
         unique.
@@ -124,7 +124,8 @@ class Glb:
         known = next((n for n, image in enumerate(images) if image.get("name") == name), None)
         if known is not None:
             return next(n for n, texture in enumerate(textures) if texture.get("source") == known)
-        images.append({"bufferView": self.append_view(png), "mimeType": "image/png", "name": name})
+        kind = "jpeg" if content.startswith(b"\xff\xd8") else "png"
+        images.append({"bufferView": self.append_view(content), "mimeType": f"image/{kind}", "name": name})
         colors = textures[material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
         textures.append({**colors, "source": len(images) - 1})
         return len(textures) - 1

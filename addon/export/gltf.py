@@ -18,7 +18,7 @@ from .errors import reason
 from .glb_file import Edit, Glb
 from .optional_textures import OPTIONAL_NODES, add_optional_textures
 from .tangents import add_tangents
-from .translucency import add_translucency
+from .translucency import add_leaf_translucency, add_translucency
 from .unlit import COLOR_OPTIONS, add_unlit
 
 _OPTIONS = {
@@ -60,6 +60,7 @@ def export_collection(collection: bpy.types.Collection, path: Path, edits: Seque
         add_optional_textures(glb, collection)
     if TRANSLUCENCY_NODE in nodes:
         add_translucency(glb, collection)
+        add_leaf_translucency(glb, collection)
     if lit:
         add_unlit(glb, collection)
     for edit in (add_tangents, *edits):

@@ -16,6 +16,8 @@ FRONT, BACK = "leafcloud_light", "leafcloud_light_back"
 
 EXTRAS = "leafcloud"
 
+_PATH_NODE, _EMISSION_NODE = "Leafcloud Path", "Leafcloud Light"
+
 
 def add_light(mesh: bpy.types.Mesh, light: Light) -> None:
     """Store the light (c, 3) of both sides as color attributes."""
@@ -37,7 +39,7 @@ def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.ty
     source = material
     if source is None or source.node_tree is None or output_of(source.node_tree) is None:
         source = _new_material("leaf")
-    lit = _unlit(shining_copy(source, _light_seen, strength), strength)
+    lit = shine(shining_copy(source, _light_seen, strength), strength)
     if source is not material:
         bpy.data.materials.remove(source)
     for principled in [node for node in lit.node_tree.nodes if node.type == "BSDF_PRINCIPLED"]:
@@ -48,14 +50,14 @@ def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.ty
 
 
 def unlit_material(
-    name: str, image: bpy.types.Image, *, alpha_cutoff: float, double_sided: bool, strength: float
+    name: str, image: bpy.types.Image, alpha_cutoff: float, *, double_sided: bool
 ) -> bpy.types.Material:
-    """Create a material that emits the atlas page, cut out at `alpha_cutoff`. With cutoff 0 it is alpha blended.
+    """Create a material that emits the atlas page to the camera, cut out at `alpha_cutoff`; with 0 it is alpha blended.
 
     Blender's glTF exporter recognizes this node setup and writes `KHR_materials_unlit` with `alphaMode` MASK or BLEND.
-    It requires the Light Path node, although both inputs of the Mix Shader are the same.
+    As with Blender's importer, other rays pass: it neither gives light nor casts a shadow.
     """
-    material = _unlit(_new_material(name), strength)
+    material = _new_material(name)
     material.use_backface_culling = not double_sided
     tree = material.node_tree
     tree.nodes.clear()
@@ -72,9 +74,9 @@ def unlit_material(
         )
     )
     texture.image, texture.name = image, PAGE_NODE
-    emission.inputs["Strength"].default_value = strength
+    path.name, emission.name = _PATH_NODE, _EMISSION_NODE
     tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
-    _mix(tree, either, path.outputs["Is Camera Ray"], emission, emission)
+    _mix(tree, either, path.outputs["Is Camera Ray"], clear, emission)
     _mix(tree, cut, shown_share(tree, texture, alpha_cutoff), clear, either)
     tree.links.new(cut.outputs[0], output.inputs["Surface"])
     if not double_sided:
@@ -95,11 +97,17 @@ def _light_seen(tree: bpy.types.NodeTree) -> bpy.types.NodeSocket:
     return next(socket for socket in mix.outputs if socket.identifier == "Result_Color")
 
 
-def _unlit(material: bpy.types.Material, strength: float) -> bpy.types.Material:
-    """Store the strength on the material, because glTF cannot, and stop Cycles from sampling it as a lamp. Return it.
+def shine(material: bpy.types.Material, strength: float) -> bpy.types.Material:
+    """Make a material emit baked light, also to other surfaces, and cast shadows. Return it.
 
-    Only paths that hit the material by chance receive its light.
+    The strength is stored on the material, because glTF cannot. Cycles does not sample the material as a lamp: only
+    paths that hit it by chance receive its light.
     """
+    nodes = material.node_tree.nodes
+    if _EMISSION_NODE in nodes:
+        nodes[_EMISSION_NODE].inputs["Strength"].default_value = strength
+        either = nodes[_PATH_NODE].outputs["Is Camera Ray"].links[0].to_node
+        material.node_tree.links.new(nodes[_EMISSION_NODE].outputs[0], either.inputs[1])
     material[EXTRAS] = {"light_strength": strength}
     material.cycles.emission_sampling = "NONE"
     return material

@@ -65,6 +65,7 @@ class Build:
 
     name: of the collection; the names of the levels begin with it. effects: those that are on.
     light: baked light of the leaves; None without baked light. Materials multiply it by light_strength.
+    unlit: the leaves' own materials show their colors without light.
     wind: wind and tree measurements; None without wind. The levels' own distances come from the schedule.
     owners: for each material number in the leaf map, the index of the leaf material; empty if the numbers are equal.
     """
@@ -79,6 +80,7 @@ class Build:
     shading: LeafShading = LeafShading()
     light: Light | None = None
     light_strength: float = 1.0
+    unlit: bool = False
     wind: WindSettings | None = None
     owners: tuple[int, ...] = ()
     images: PackedImages = field(default_factory=PackedImages)
@@ -92,6 +94,11 @@ class Build:
     def first_cloud(self) -> int:
         """Number of the first level with an atlas page."""
         return 1 + len(self.leaf_levels)
+
+    @property
+    def emits(self) -> bool:
+        """Whether levels show their colors without light."""
+        return self.unlit or self.light is not None
 
     def has(self, effect: str) -> bool:
         """Return whether the effect is on."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import leafcloud
 
 from ..nodes.laws import OWN_BILLBOARD
-from .baked_light import unlit_material
+from .baked_light import shine, unlit_material
 from .building import Build, own_bytes
 from .filtering import show_shares
 from .material import Page, atlas_material
@@ -52,13 +52,15 @@ def _cloud_or_none(level: leafcloud.Level | None) -> leafcloud.Level | None:
 def _material(name: str, level: leafcloud.Level, number: int, build: Build) -> bpy.types.Material:
     cutoff, double = level.alpha_cutoff, not level.two_sided
     page = _page(name, level, number, build)
-    if build.light is None:
+    if not build.emits:
         material = atlas_material(name, page, alpha_cutoff=cutoff, double_sided=double)
         if build.has("filtering"):
             show_shares(material)
         return material
-    strength = build.light_strength
-    return unlit_material(name, page.base_color, alpha_cutoff=cutoff, double_sided=double, strength=strength)
+    material = unlit_material(name, page.base_color, cutoff, double_sided=double)
+    if build.light is not None:
+        shine(material, build.light_strength)
+    return material
 
 
 def _page(name: str, level: leafcloud.Level, number: int, build: Build) -> Page:

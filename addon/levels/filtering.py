@@ -18,7 +18,7 @@ import leafcloud
 
 from ..material.images import pixels_of
 from ..material.node_links import follow
-from ..material.surface import cut, principled_of, read_surface
+from ..material.surface import cut, opacity_input, read_surface
 from ..mesh.baked_levels import level_number
 from ..nodes.builder import Section
 from .building import Build
@@ -26,7 +26,7 @@ from .fading import output_for
 from .images import PackedImages
 
 _COPIED = {
-    *("BSDF_PRINCIPLED", "BSDF_TRANSLUCENT", "BSDF_TRANSPARENT", "MIX_SHADER", "ADD_SHADER"),
+    *("BSDF_PRINCIPLED", "BSDF_TRANSLUCENT", "BSDF_TRANSPARENT", "EMISSION", "MIX_SHADER", "ADD_SHADER"),
     *("MATH", "MIX", "REROUTE", "TEX_IMAGE"),
 }
 """Types of nodes that may lie between a cutoff and the output."""
@@ -135,10 +135,9 @@ def show_shares(material: bpy.types.Material, filled: _LeafTextures | None = Non
 
 def _cutoff(material: bpy.types.Material) -> tuple[_Node, bpy.types.NodeSocket, float] | None:
     """Return the node that cuts out, the alpha before it and its cutoff; None if there is none that can be passed."""
-    principled = principled_of(material)
-    if principled is None or principled.groups or material.node_tree.get_output_node("EEVEE") is None:
+    alpha = opacity_input(material)
+    if alpha is None or alpha.groups or material.node_tree.get_output_node("EEVEE") is None:
         return None
-    alpha = principled.input("Alpha")
     before, cutoff = cut(alpha)
     source = follow(before)
     if cutoff is None or not 0.0 < cutoff < 1.0 or source.groups or not source.kind:

@@ -133,13 +133,13 @@ def _material(
     pages: tuple[bpy.types.Image, bpy.types.Image],
     build: Build,
 ) -> bpy.types.Material:
-    """Create the material that shows the three views around each ray, blended. It emits baked light."""
+    """Create the material that shows the three views around each ray, blended. It emits light that is baked or needs none."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
         material.use_nodes = True
     material.use_backface_culling = True
     tree = material.node_tree
-    color, alpha, normal = _seen(tree, level, pages, dims=build.light is None)
+    color, alpha, normal = _seen(tree, level, pages, dims=not build.emits)
     surface = next(node for node in tree.nodes if node.type == "BSDF_PRINCIPLED")
     shading = build.shading
     surface.inputs["Roughness"].default_value = shading.roughness
@@ -147,7 +147,7 @@ def _material(
     surface.inputs["Specular IOR Level"].default_value = shading.specular
     tree.links.new(alpha, surface.inputs["Alpha"])
     tree.links.new(normal, surface.inputs["Normal"])
-    if build.light is None:
+    if not build.emits:
         tree.links.new(color, surface.inputs["Base Color"])
     else:
         surface.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)

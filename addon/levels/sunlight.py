@@ -49,9 +49,9 @@ def dim_in_cycles(material: bpy.types.Material, share: float) -> None:
 
 
 def share_of_cross(build: Build) -> float | None:
-    """Return the `light_share` of the cross impostor; None if there is none, or with baked light."""
+    """Return the `light_share` of the cross impostor; None if there is none, or if it needs no light."""
     foliages = [level.foliage for level in build.chain.levels if not isinstance(level, leafcloud.OctahedralLevel)]
-    if build.chain.levels[-1].method != "cross" or build.light is not None:
+    if build.chain.levels[-1].method != "cross" or build.emits:
         return None
     leaves = foliages[-2]() if len(foliages) > 1 else build.foliage
     return light_share(foliages[-1](), leaves, build.foliage)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..geometry import Geometry, world_positions
 from .flatten import USUAL_SETTINGS, Flattened, RenderSettings, flatten
 from .images import Pixels, as_bytes, brightened, check_images, encoded, image_of, pixels_of
-from .losses import losses
+from .losses import lit_with_others, losses
 from .node_links import shown_nodes
 from .shading import read_shading, render_normals, render_orm
 from .surface import Rgb, Surface, read_surface
@@ -105,7 +105,7 @@ def describe_materials(
 
     first = [described(number, channels) for number in range(len(geometry.materials))]
     materials, owners = [description for description, _, _ in first], list(range(len(first)))
-    messages = [message for _, messages, _ in first for message in messages]
+    messages = [*(message for _, messages, _ in first for message in messages), *lit_with_others(geometry.materials)]
     material_ids = geometry.material_ids.copy()
     sides = np.ones((2, len(material_ids), 3, 3), np.float32)
     for number, (description, _, flat) in enumerate(first):

@@ -35,6 +35,13 @@ def check_readable(image: bpy.types.Image, material_name: str) -> None:
         )
 
 
+def is_missing(image: bpy.types.Image | None) -> bool:
+    """Return whether an image's file is not there. Does not read it."""
+    if image is None or image.source != "FILE" or image.packed_file is not None:
+        return False
+    return not Path(bpy.path.abspath(image.filepath, library=image.library)).is_file()
+
+
 def check_images(nodes: Iterable[bpy.types.Node], material_name: str) -> None:
     """Raise `SceneError` if an image of nodes has no pixels."""
     for node in nodes:

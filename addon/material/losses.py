@@ -5,10 +5,13 @@ Also warns about nodes that Blender's glTF exporter cannot follow.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import bpy
 
+from .images import is_missing
 from .node_links import Port, follow, number_at, output_of, shown_nodes, tangled_inputs, trees_of
-from .surface import principled_of
+from .surface import principled_of, read_surface
 
 
 def losses(material: bpy.types.Material) -> list[str]:
@@ -17,11 +20,17 @@ def losses(material: bpy.types.Material) -> list[str]:
     if tree is None:
         return []
     found: list[str] = []
-    if _emits(material):
+    if _emits(material) and not read_surface(material).unlit:
         found.append(
             f"{said} emits light, but its billboards do not: they keep only its color and need other light; set the "
             f"Emission Strength to 0 if the leaves need not emit light, either"
         )
+    used = [node for each in trees_of(tree) for node in each.nodes if any(out.is_linked for out in node.outputs)]
+    missing = [node.image for node in used if node.type == "TEX_IMAGE" and is_missing(node.image)]
+    found += [
+        f"{said}: the file {image.filepath!r} of its image {image.name!r} is missing, so the image is left out"
+        for image in dict.fromkeys(missing)
+    ]
     output = output_of(tree)
     if output is not None and output.inputs["Displacement"].is_linked:
         found.append(f"{said}: its billboards lack its displacement; connect a Bump node to the Normal of its shader")
@@ -39,6 +48,15 @@ def losses(material: bpy.types.Material) -> list[str]:
             f"image"
         )
     return found
+
+
+def lit_with_others(materials: Sequence[bpy.types.Material | None]) -> list[str]:
+    """Return a sentence for leaves that need no light beside others that do: their billboards share one material."""
+    unlit = [material.name for material in materials if material is not None and read_surface(material).unlit]
+    if not unlit or len(unlit) == len(materials):
+        return []
+    named = " and ".join(repr(name) for name in unlit)
+    return [f"the leaf materials {named} show without light, others need it: all billboards need light"]
 
 
 def _emits(material: bpy.types.Material) -> bool:

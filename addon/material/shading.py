@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from .emission import Builder, Socket, outside_groups
 from .flatten import of_single_leaves, render
-from .images import Pixels, as_bytes, check_images
+from .images import Pixels, as_bytes, check_images, is_missing
 from .node_links import Port, folded, follow, nodes_behind, number_at, share_at, shown_nodes
 from .surface import principled_of, read_surface
 from .textures import NotUnderstoodError, Texture, laid_alike, layout_with, texture_of, transform_matrix
@@ -125,6 +125,8 @@ def _with_specular(shading: Shading, principled: Port, _: Texture | None) -> Sha
 
 def _with_orm(shading: Shading, principled: Port, colors: Texture | None) -> Shading:
     rough, metal = (principled.input(name) for name in _ROUGHNESS_METALLIC)
+    if _lacks_image([rough, metal]):
+        return shading
     roughness, metallic = (share_at(target) for target in (rough, metal))
     if roughness is not None and metallic is not None:
         return replace(shading, roughness=roughness, metallic=metallic)
@@ -163,7 +165,7 @@ def _image(target: Port) -> Texture | None:
 
 def _with_normal(shading: Shading, principled: Port, colors: Texture | None) -> Shading:
     source = follow(principled.input("Normal"))
-    if not source.kind:
+    if not source.kind or _lacks_image([principled.input("Normal")]):
         return shading
     node = source.node
     if source.kind == "NORMAL_MAP" and node.space == "TANGENT" and number_at(source.input("Strength")) == 1.0:
@@ -175,6 +177,11 @@ def _with_normal(shading: Shading, principled: Port, colors: Texture | None) -> 
         reason = f"normals come from the node {node.name!r}, not from tangent-space maps and bumps"
         raise NotUnderstoodError(f"{reason}; {instead} instead")
     return replace(shading, normal=_rendering(principled, _NORMAL, colors, "normal", instead))
+
+
+def _lacks_image(targets: Sequence[Port]) -> bool:
+    """Return whether an image behind inputs is missing: a plant without it is better than none. `losses` tells it."""
+    return any(node.type == "TEX_IMAGE" and is_missing(node.image) for node in nodes_behind(targets))
 
 
 def _is_upright(image: Texture) -> bool:

@@ -2,13 +2,15 @@
 
 Reads a Principled BSDF if its Base Color and Alpha are products of constants, one image and one color attribute. A
 Translucent BSDF may be mixed with it. Alpha may have a cutoff (Math Round, Greater Than, 1 − Less Than), and may be the
-factor of a Mix Shader with a Transparent BSDF instead. Everything else is a gap: the material is rendered (see
-`flatten`), or, if there is nothing to render, the viewport color replaces it.
+factor of a Mix Shader with a Transparent BSDF instead. An Emission of strength 1, alone or seen by the camera alone, is
+an unlit material: its color is the base color. Everything else is a gap: the material is rendered (see `flatten`), or,
+if there is nothing to render, the viewport color replaces it.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -44,6 +46,8 @@ class Surface:
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
     alpha_cutoff: float = 0.5
     double_sided: bool = True
+    unlit: bool = False
+    """The color shows without light."""
     warnings: tuple[str, ...] = ()
     gaps: tuple[str, ...] = ()
     """Descriptions of unread parts, to follow the material's name. Their fields above have the viewport color."""
@@ -87,13 +91,17 @@ def _of_shaders(viewport: Surface, tree: bpy.types.NodeTree, *, as_exported: boo
     """Read a tree's shaders. `viewport` has the material's name, and the colors that replace unread ones."""
     try:
         shader, mask = _behind_cutout(output_of(tree, "ALL" if as_exported else "CYCLES"))
+        if (emission := _unlit(shader)) is not None:
+            colored = _with_color(viewport, emission.input("Color"), tree)
+            return replace(_with_alpha(colored, None, mask, tree), unlit=True)
         principled = _first_principled(shader)
         mixed = principled.node != shader.node
         if mixed and not as_exported and not _is_translucent(shader):
             raise NotUnderstoodError(f"mixes several shaders at the node {shader.node.name!r}")
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "surface", reason, tree)
-    surface = _with_alpha(_with_color(viewport, principled, tree), principled.input("Alpha"), mask, tree)
+    colored = _with_color(viewport, principled.input("Base Color"), tree)
+    surface = _with_alpha(colored, principled.input("Alpha"), mask, tree)
     if not mixed:
         return surface
     only = f"only its Principled BSDF {principled.node.name!r} is read"
@@ -107,6 +115,16 @@ def principled_of(material: bpy.types.Material) -> Port | None:
         return None if shader is None else _first_principled(shader)
     except NotUnderstoodError:
         return None
+
+
+def opacity_input(material: bpy.types.Material) -> Port | None:
+    """Return the input that cuts a material out: of a Mix Shader, else of its Principled BSDF; None without either."""
+    try:
+        mask = _behind_cutout(output_of(material.node_tree))[1]
+    except NotUnderstoodError:
+        return None
+    principled = principled_of(material) if mask is None else None
+    return mask if principled is None else principled.input("Alpha")
 
 
 def shader_of(material: bpy.types.Material) -> Port | None:
@@ -123,6 +141,29 @@ def _has_nodes(material: bpy.types.Material) -> bool:
         return material.node_tree is not None and getattr(material, "use_nodes", True)
 
 
+def are_unlit(materials: Sequence[bpy.types.Material | None]) -> bool:
+    """Return whether all materials show their colors without light."""
+    return all(read_surface(material).unlit for material in materials)
+
+
+def _unlit(shader: Port) -> Port | None:
+    """Return the Emission whose color a material shows without light, as glTF's unlit materials do; else None.
+
+    Importers let the camera alone see it.
+    """
+    if _is_for_cameras(shader):
+        shader = follow(shader.inputs()[2])
+    return shader if shader.kind == "EMISSION" and number_at(shader.input("Strength")) == 1.0 else None
+
+
+def _is_for_cameras(shader: Port) -> bool:
+    """Return whether a shader is a Mix Shader whose second shader is for rays from the camera."""
+    if shader.kind != "MIX_SHADER":
+        return False
+    factor = follow(shader.inputs()[0])
+    return factor.kind == "LIGHT_PATH" and factor.socket.name == "Is Camera Ray"
+
+
 def _first_principled(shader: Port) -> Port:
     """Return a Principled BSDF, or the first that a shader mixes. Raises `NotUnderstoodError`."""
     for found in [shader, *sources_behind(shaders_mixed(shader))]:
@@ -134,10 +175,10 @@ def _first_principled(shader: Port) -> Port:
 def _behind_cutout(output: bpy.types.Node | None) -> tuple[Port, Port | None]:
     """Return the shader upstream of a material output, and the input that cuts it out. Raises `NotUnderstoodError`.
 
-    A cutout is a Mix Shader of a Transparent BSDF (factor 0) and another shader (factor 1).
+    A cutout is a Mix Shader of a Transparent BSDF (factor 0) and another shader (factor 1), whatever the ray.
     """
     shader, mask = None if output is None else follow(Port(output.inputs["Surface"])), None
-    if shader is not None and shader.kind == "MIX_SHADER":
+    if shader is not None and shader.kind == "MIX_SHADER" and not _is_for_cameras(shader):
         factor, first, second = shader.inputs()
         if follow(first).kind == "BSDF_TRANSPARENT":
             shader, mask = follow(second), factor
@@ -158,19 +199,21 @@ def _is_translucent(shader: Port) -> bool:
     return kinds == ["BSDF_PRINCIPLED", "BSDF_TRANSLUCENT"]
 
 
-def _with_color(viewport: Surface, principled: Port, tree: bpy.types.NodeTree) -> Surface:
+def _with_color(viewport: Surface, color: Port, tree: bpy.types.NodeTree) -> Surface:
     try:
-        product = product_of(principled.input("Base Color"))
+        product = product_of(color)
         _check_factor(product)
     except NotUnderstoodError as reason:
         return _with_gap(viewport, "base color", reason, tree)
     return replace(viewport, color=product.factor, color_texture=product.texture, color_attribute=product.attribute)
 
 
-def _with_alpha(surface: Surface, alpha: Port, mask: Port | None, tree: bpy.types.NodeTree) -> Surface:
-    """Add the alpha of a Principled BSDF, or the mask that cuts it out."""
+def _with_alpha(surface: Surface, alpha: Port | None, mask: Port | None, tree: bpy.types.NodeTree) -> Surface:
+    """Add the alpha of a Principled BSDF, if it is one, or the mask that cuts it out."""
+    if alpha is None and mask is None:
+        return replace(surface, alpha=1.0, alpha_mode="OPAQUE")
     try:
-        if mask is not None and number_at(alpha) != 1.0:
+        if mask is not None and alpha is not None and number_at(alpha) != 1.0:
             raise NotUnderstoodError("is cut out by a Mix Shader, too")
         target, cutoff = cut(mask or alpha)
         product = product_of(target)

@@ -112,7 +112,7 @@ def _read(shader: Port, share: float) -> MaterialTranslucency:
     color = parts["BSDF_TRANSLUCENT"].input("Color")
     if node.type == "ADD_SHADER":
         return _with_color(color, 0.5, 1.0, 1.0)
-    if share_at(shader.inputs()[0]) is None:
+    if _factor(shader) is None:
         raise NotUnderstoodError(f"varies at the node {node.name!r}, because its factor is not constant")
     return _with_color(color, share, 1.0 - share, share)
 
@@ -136,13 +136,25 @@ def _share_of(shader: Port, mixed: list[float]) -> float:
             weight = _weight(shader)
             return 0.5 if weight is None else weight
         case "MIX_SHADER":
-            factor = share_at(shader.inputs()[0])
+            factor = _factor(shader)
             factor = 0.5 if factor is None else factor
             return (1.0 - factor) * mixed[0] + factor * mixed[1]
         case "ADD_SHADER":
             return 0.5 if any(mixed) else 0.0
         case kind:
             return {"BSDF_TRANSLUCENT": 1.0, "SUBSURFACE_SCATTERING": 0.5}.get(kind, 0.0)
+
+
+def _factor(mix: Port) -> float | None:
+    """Return the factor of a Mix Shader; `None` if it varies. It may be multiplied by the alpha of the first shader."""
+    target, first = mix.inputs()[0], follow(mix.inputs()[1])
+    source = follow(target)
+    if source.kind == "MATH" and source.node.operation == "MULTIPLY" and first.kind == "BSDF_PRINCIPLED":
+        alpha = follow(first.input("Alpha")).socket
+        factors = source.inputs()[:2]
+        left = [each for each in factors if follow(each).socket != alpha]
+        target = left[0] if len(left) == 1 else target
+    return share_at(target)
 
 
 def _weight(principled: Port) -> float | None:

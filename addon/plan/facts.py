@@ -60,6 +60,8 @@ class Facts:
     """A leaf material with visible highlights whose roughness or metallic varies, or differs from other materials."""
     translucent: str | None = None
     """A translucent leaf material."""
+    unlit: bool = False
+    """True if all leaf materials show their colors without light."""
     one_color: bool = False
     """True if all leaves have the same uniform base color."""
     blended: tuple[str, ...] = ()

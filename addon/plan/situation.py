@@ -74,6 +74,8 @@ class Situation:
         """The reason why billboards need no textures that respond to light; None if they may need them."""
         if self.settings.unlit:
             return "the target is unlit"
+        if self.facts.unlit:
+            return "the leaves show their colors without light"
         return self.before_level_1 if self.only_leaves else None
 
     @property

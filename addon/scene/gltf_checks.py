@@ -6,30 +6,20 @@ middle of its code. It silently sets coordinates that are not finite to zero.
 
 from __future__ import annotations
 
-import base64
-import binascii
 import json
-import struct
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..mesh.realise import first_not_finite
 from .gltf_format import COMPONENTS, SHAPES, Broken, Document, check
+from .gltf_source import DEEPEST, GltfSource, read_document
+from .gltf_unpacked import unpacked
 from .image_sizes import ImageSizes
-from .input_files import check_regular, exists, file_in, opened, shown
-
-_HEADER, _CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
-
-_MOST_JSON, _MOST_VALUES, _DEEPEST = 1 << 29, 2_000_000, 64
-"""Limits on the JSON text in bytes, on its values, and on their nesting."""
+from .input_files import check_regular, shown
 
 _MOST_OBJECTS, _DEEPEST_NODE = 10_000, 200
 """Limits on nodes with their instances, and on the parents of a node. The importer calls itself for each parent."""
@@ -54,32 +44,15 @@ _ATTRIBUTES: dict[str, tuple[str, ...]] = {
 """The types of accessors for each attribute. Tangents of morph targets have three components."""
 
 
-@dataclass(frozen=True)
-class _Buffer:
-    """Bytes of a file, or those of a data URI."""
-
-    size: int
-    path: Path | None = None
-    start: int = 0
-    content: bytes = b""
-
-    def read(self, start: int, size: int) -> bytes:
-        if self.path is None:
-            return self.content[start : start + size]
-        with opened(self.path) as file:
-            file.seek(self.start + start)
-            return file.read(size)
-
-
-def check_gltf(path: Path) -> Document:
-    """Return the document of a glTF file. Raise `SceneError` or `OSError` if Blender must not read the file."""
+def check_gltf(path: Path) -> GltfSource:
+    """Return a glTF file without compressed data. Raise `SceneError` or `OSError` if Blender must not read it."""
     size = check_regular(path)
     try:
-        document, body = _document(path, size)
+        document, body = read_document(path, size)
         _check_depth(document)
         check(document)
         _check_texts(document)
-        source = _Source(path.resolve().parent, document, body)
+        source = unpacked(GltfSource(path.resolve().parent, document, body, path))
         for step in (_check_views, _check_accessors, _check_zeros, _check_primitives, _check_reuse, _check_nodes):
             step(source)
         _check_images(source)
@@ -88,122 +61,13 @@ def check_gltf(path: Path) -> Document:
         raise SceneError(f"{path} is not glTF, or is broken: {fault}; export it again") from fault
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from error
-    return document
-
-
-@dataclass
-class _Source:
-    """A document, the folder of its files, and its buffers, which are opened once."""
-
-    home: Path
-    document: Document
-    body: _Buffer | None
-
-    def __post_init__(self) -> None:
-        self.buffers = [self._buffer(number, each) for number, each in enumerate(self.list("buffers"))]
-
-    def list(self, name: str) -> list[dict[str, Any]]:
-        return self.document.get(name, [])
-
-    def primitives(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        for number, mesh in enumerate(self.list("meshes")):
-            for index, primitive in enumerate(mesh["primitives"]):
-                yield f"meshes[{number}].primitives[{index}]", primitive
-
-    def values(self, index: int) -> NDArray[Any] | None:
-        """Return (count, components) the values of an accessor; `None` if compressed, sparse or without data."""
-        accessor = self.list("accessors")[index]
-        if "bufferView" not in accessor or "sparse" in accessor:
-            return None
-        view = self.list("bufferViews")[accessor["bufferView"]]
-        component, width = np.dtype(COMPONENTS[accessor["componentType"]]), SHAPES[accessor["type"]]
-        stride = view.get("byteStride") or component.itemsize * width
-        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        size = stride * (accessor["count"] - 1) + component.itemsize * width
-        content = self.buffers[view["buffer"]].read(start, size)
-        return np.ndarray((accessor["count"], width), component, content, 0, (stride, component.itemsize))
-
-    def _buffer(self, number: int, buffer: dict[str, Any]) -> _Buffer:
-        place = f"buffers[{number}]"
-        uri = buffer.get("uri")
-        if uri is None:
-            found = self.body if number == 0 and self.body is not None else _Buffer(0)
-        elif uri.startswith("data:"):
-            content = _embedded(uri, place)
-            found = _Buffer(len(content), content=content)
-        else:
-            path = file_in(self.home, self.home / path_of(uri), place)
-            found = _Buffer(check_regular(path), path)
-        if buffer["byteLength"] > found.size:
-            raise Broken(f"{place} has {buffer['byteLength']} bytes, but its data has {found.size}")
-        return found
-
-
-def path_of(uri: str) -> str:
-    """Return the path that Blender's importer reads for a URI."""
-    return unquote(uri.replace("\\", "/"))
-
-
-def _embedded(uri: str, place: str) -> bytes:
-    head, mark, code = uri.partition(";base64,")
-    try:
-        if not mark:
-            raise ValueError("no base64")
-        return base64.b64decode(code)
-    except (ValueError, binascii.Error) as error:
-        raise Broken(f"{place} has the data URI {shown(head)}, which cannot be decoded ({error})") from error
-
-
-def _document(path: Path, size: int) -> tuple[Any, _Buffer | None]:
-    """Return the JSON of a file of `size` bytes and the binary chunk of a .glb file."""
-    with opened(path) as file:
-        head = file.read(_HEADER.size)
-        if not head.startswith(b"glTF"):
-            _check_json_size(size)
-            return _parsed(head + file.read()), None
-        _, version, length = _unpacked(_HEADER, head)
-        if version != 2 or length != size:
-            raise Broken(f"version {version} and {length} bytes in the header, {size} in the file")
-        count, kind = _unpacked(_CHUNK, file.read(_CHUNK.size))
-        if kind != b"JSON" or count > size - file.tell():
-            raise Broken(f"the first chunk is {shown(kind)} with {count} bytes, but must be JSON within the file")
-        _check_json_size(count)
-        document = _parsed(file.read(count))
-        if file.tell() == size:
-            return document, None
-        count, kind = _unpacked(_CHUNK, file.read(_CHUNK.size))
-        if count > size - file.tell():
-            raise Broken(f"the second chunk has {count} bytes, but the file has only {size - file.tell()} for it")
-        return document, _Buffer(count, path, file.tell()) if kind == b"BIN\0" else None
-
-
-def _unpacked(form: struct.Struct, content: bytes) -> tuple[Any, ...]:
-    if len(content) < form.size:
-        raise Broken(f"the file ends within a header: {len(content)} of {form.size} bytes")
-    return form.unpack(content)
-
-
-def _check_json_size(size: int) -> None:
-    if size > _MOST_JSON:
-        raise Broken(f"the JSON text has {size} bytes, more than {_MOST_JSON}; use binary buffers")
-
-
-def _parsed(text: bytes) -> Any:
-    values = text.count(b",") + text.count(b"[") + text.count(b"{")
-    if values > _MOST_VALUES:
-        raise Broken(f"the JSON text has about {values} values, more than {_MOST_VALUES}")
-    try:
-        return json.loads(text)
-    except ValueError as error:
-        raise Broken(f"the text is not JSON: {error}") from error
-    except RecursionError as error:
-        raise Broken(f"the JSON text is nested too deeply: at most {_DEEPEST} levels are possible") from error
+    return source
 
 
 def _check_depth(document: Any) -> None:
     """Raise `Broken` for values that are nested too deeply: Blender and its importer copy them recursively."""
     level = [document]
-    for _ in range(_DEEPEST):
+    for _ in range(DEEPEST):
         level = [
             part
             for value in level
@@ -212,7 +76,7 @@ def _check_depth(document: Any) -> None:
         ]
         if not level:
             return
-    raise Broken(f"the JSON text is nested too deeply: at most {_DEEPEST} levels are possible")
+    raise Broken(f"the JSON text is nested too deeply: at most {DEEPEST} levels are possible")
 
 
 def _check_texts(document: Document) -> None:
@@ -224,7 +88,7 @@ def _check_texts(document: Document) -> None:
         raise Broken(f"the text {shown(text)} is not Unicode: it has half of a surrogate pair") from error
 
 
-def _check_views(source: _Source) -> None:
+def _check_views(source: GltfSource) -> None:
     for number, view in enumerate(source.list("bufferViews")):
         end = view.get("byteOffset", 0) + view["byteLength"]
         size = source.list("buffers")[view["buffer"]]["byteLength"]
@@ -232,7 +96,7 @@ def _check_views(source: _Source) -> None:
             raise Broken(f"bufferViews[{number}] ends at byte {end}, but buffers[{view['buffer']}] has {size} bytes")
 
 
-def _check_accessors(source: _Source) -> None:
+def _check_accessors(source: GltfSource) -> None:
     for number, accessor in enumerate(source.list("accessors")):
         place, kind, count = f"accessors[{number}]", accessor["type"], accessor["count"]
         if "bufferView" in accessor:
@@ -246,7 +110,7 @@ def _check_accessors(source: _Source) -> None:
             _check_span(source, f"{place}.sparse.values", values, accessor["componentType"], kind, sparse["count"])
 
 
-def _check_span(source: _Source, place: str, span: dict[str, Any], component: int, kind: str, count: int) -> None:
+def _check_span(source: GltfSource, place: str, span: dict[str, Any], component: int, kind: str, count: int) -> None:
     """Raise `Broken` for data that leave their buffer view."""
     view = source.list("bufferViews")[span["bufferView"]]
     size = np.dtype(COMPONENTS[component]).itemsize
@@ -260,7 +124,7 @@ def _check_span(source: _Source, place: str, span: dict[str, Any], component: in
         )
 
 
-def _check_zeros(source: _Source) -> None:
+def _check_zeros(source: GltfSource) -> None:
     compressed = {
         primitive["extensions"][_DRACO]["bufferView"]
         for _, primitive in source.primitives()
@@ -277,7 +141,7 @@ def _check_zeros(source: _Source) -> None:
         raise Broken(f"accessors without a 'bufferView' have {zeros} bytes, more than {most}")
 
 
-def _check_primitives(source: _Source) -> None:
+def _check_primitives(source: GltfSource) -> None:
     for place, primitive in source.primitives():
         attributes = primitive["attributes"]
         vertices = source.list("accessors")[attributes["POSITION"]]["count"] if "POSITION" in attributes else 0
@@ -291,7 +155,7 @@ def _check_primitives(source: _Source) -> None:
                 raise Broken(f"{place}.indices is {found}, but must be SCALAR of 5121, 5123 or 5125")
 
 
-def _check_attribute(source: _Source, place: str, name: str, index: int, vertices: int) -> None:
+def _check_attribute(source: GltfSource, place: str, name: str, index: int, vertices: int) -> None:
     accessor = source.list("accessors")[index]
     kinds = _ATTRIBUTES.get(name.split("_")[0] or "_", ("SCALAR", "VEC2", "VEC3", "VEC4"))
     if accessor["type"] not in kinds:
@@ -300,7 +164,7 @@ def _check_attribute(source: _Source, place: str, name: str, index: int, vertice
         raise Broken(f"{place}: {shown(name)} has {accessor['count']} values, but there are {vertices} vertices")
 
 
-def _check_reuse(source: _Source) -> None:
+def _check_reuse(source: GltfSource) -> None:
     """Raise `Broken` if meshes use the same data so often that a small file fills the memory."""
     used: Counter[int] = Counter()
     for _, primitive in source.primitives():
@@ -314,7 +178,7 @@ def _check_reuse(source: _Source) -> None:
         raise Broken(f"the meshes use {corners} corners of the same data, more than {most}")
 
 
-def _check_nodes(source: _Source) -> None:
+def _check_nodes(source: GltfSource) -> None:
     """Raise `Broken` unless the nodes form trees that are not too deep."""
     nodes = source.list("nodes")
     parents: dict[int, int] = {}
@@ -343,20 +207,17 @@ def _check_nodes(source: _Source) -> None:
         raise Broken(f"nodes and their instances are {objects} objects, more than {_MOST_OBJECTS}: join them")
 
 
-def _check_images(source: _Source) -> None:
+def _check_images(source: GltfSource) -> None:
     sizes = ImageSizes()
-    for number, image in enumerate(source.list("images")):
-        place, uri = f"images[{number}]", image.get("uri")
-        if uri is None and "bufferView" in image:
-            view = source.list("bufferViews")[image["bufferView"]]
-            sizes.check(source.buffers[view["buffer"]].read(view.get("byteOffset", 0), view["byteLength"]), place)
-        elif uri is not None and uri.startswith("data:"):
-            sizes.check(_embedded(uri, place), place)
-        elif uri is not None and exists(path := file_in(source.home, source.home / path_of(uri), place)):
-            sizes.check_file(path)
+    for number in range(len(source.list("images"))):
+        image = source.image(number)
+        if isinstance(image, Path):
+            sizes.check_file(image)
+        elif image is not None:
+            sizes.check(image, f"images[{number}]")
 
 
-def _check_values(source: _Source) -> None:
+def _check_values(source: GltfSource) -> None:
     """Raise `Broken` for indices of vertices that do not exist, `SceneError` for vertices that are not finite."""
     finite: set[int] = set()
     largest: dict[int, int] = {}
@@ -380,7 +241,7 @@ def _check_values(source: _Source) -> None:
                 )
 
 
-def _check_finite(source: _Source, index: int, mesh: str | int) -> None:
+def _check_finite(source: GltfSource, index: int, mesh: str | int) -> None:
     """Raise `SceneError` for a vertex that is not finite."""
     values = source.values(index)
     bad = None if values is None or values.dtype.kind != "f" else first_not_finite(values)

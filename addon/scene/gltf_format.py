@@ -231,7 +231,25 @@ _MATERIAL = _extended(
         "KHR_materials_volume": _shading("thicknessTexture", "thicknessFactor attenuationDistance", "attenuationColor"),
         "KHR_materials_anisotropy": _shading("anisotropyTexture", "anisotropyStrength anisotropyRotation"),
         "KHR_materials_unlit": Record({}),
+        "KHR_materials_diffuse_transmission": _shading(
+            "diffuseTransmissionTexture diffuseTransmissionColorTexture",
+            "diffuseTransmissionFactor",
+            "diffuseTransmissionColorFactor",
+        ),
     },
+)
+
+_MESHOPT = Record(
+    {
+        "buffer": Index("buffers"),
+        "byteOffset": Whole(),
+        "byteLength": Whole(1),
+        "byteStride": Whole(1, 256),
+        "count": Whole(1),
+        "mode": Text(),
+        "filter": Text(),
+    },
+    ("buffer", "byteLength", "byteStride", "count", "mode"),
 )
 
 _ATTRIBUTES = Named(Index("accessors"))
@@ -370,6 +388,10 @@ _LIGHT = Record(
     ("type",),
 )
 
+_FALLBACK = Record(
+    {name: Record({"fallback": Truth()}) for name in ("EXT_meshopt_compression", "KHR_meshopt_compression")}
+)
+
 _DOCUMENT = Record(
     {
         "asset": Record({"version": OneOf(("2.0",)), "generator": Text(), "copyright": Text()}, ("version",)),
@@ -400,12 +422,13 @@ _DOCUMENT = Record(
                     "byteStride": Whole(0, 252),
                     "target": Whole(),
                     "name": Text(),
+                    "extensions": Record({"EXT_meshopt_compression": _MESHOPT, "KHR_meshopt_compression": _MESHOPT}),
                 },
                 ("buffer", "byteLength"),
             ),
             most=100_000,
         ),
-        "buffers": Several(Record({"byteLength": Whole(1), "uri": Text(), "name": Text()}, ("byteLength",)), most=1000),
+        "buffers": Several(Record({"byteLength": Whole(1), "uri": Text(), "name": Text(), "extensions": _FALLBACK}, ("byteLength",)), most=1000),
         "images": Several(
             Record(
                 {"uri": Text(), "bufferView": Index("bufferViews"), "mimeType": Text(), "name": Text()},
@@ -419,7 +442,12 @@ _DOCUMENT = Record(
                     "source": Index("images"),
                     "sampler": Index("samplers"),
                     "name": Text(),
-                    "extensions": Record({"EXT_texture_webp": Record({"source": Index("images")})}),
+                    "extensions": Record(
+                        {
+                            "EXT_texture_webp": Record({"source": Index("images")}),
+                            "KHR_texture_basisu": Record({"source": Index("images")}, ("source",)),
+                        }
+                    ),
                 }
             ),
             most=10_000,

@@ -1,6 +1,6 @@
 """Sizes of images as their files declare them, checked before Blender decodes the image.
 
-A file of some kilobytes may declare gigabytes of texels. The formats are those that Blender reads.
+A file of some kilobytes may declare gigabytes of texels. The formats are those that Blender reads, and KTX2.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ _FORMATS: tuple[tuple[bytes, Callable[[bytes], _Size]], ...] = (
     (rb"RIFF.{4}WEBPVP8X.{8}(.{6})", _webp),
     (rb"RIFF.{4}WEBPVP8L.{4}\x2f(.{4})", _webp_lossless),
     (rb"RIFF.{4}WEBPVP8 .{7}\x9d\x01\x2a(.{4})", _packed("<HH")),
+    (rb"\xabKTX 20\xbb\r\n\x1a\n.{8}(.{8})", _packed("<II")),
     (rb"BM.{16}(.{8})", _packed("<ii")),
     (rb"DDS .{8}(.{8})", _packed("<II", height_first=True)),
     (rb"8BPS.{10}(.{8})", _packed(">II", height_first=True)),

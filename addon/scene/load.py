@@ -1,12 +1,15 @@
-"""Loader of glTF, OBJ and .blend files into an empty Blender.
+"""Loader of files into an empty Blender: .blend, glTF, OBJ, and what else Blender has importers for.
 
-Blender's importers trust their input. So `gltf_checks`, `obj_checks` and `blend_checks` check files before that.
+Blender's importers trust their input. So `gltf_checks`, `obj_checks` and `blend_checks` check files before that. Of other
+files only the imported meshes and images are checked.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
 import bpy
@@ -14,28 +17,35 @@ import bpy
 from ..errors import SceneError
 from .blend_checks import check_blend, check_opened_blend
 from .gltf_checks import check_gltf
+from .gltf_transmission import add_transmission, marked
+from .gltf_unpacked import as_glb
+from .input_files import check_regular
+from .obj_corrections import Up, correct
 from .obj_checks import check_obj
 
-_Opener: TypeAlias = Callable[[Path], None]
+_Opener: TypeAlias = Callable[[Path], list[str]]
 
 
-def load(path: Path | str) -> None:
-    """Open a .glb, .gltf, .obj or .blend file. Closes the current file and loads Blender's factory settings.
+def load(path: Path | str, up: Up = "auto") -> list[str]:
+    """Open a file of a tree or a scene. Closes the current file and loads Blender's factory settings.
 
-    Raises `SceneError` for a missing file, another file type, a file that Blender cannot read, or vertices that are not
+    up: the axis of an .obj file that points up. Returns sentences about what the scene has not as the file. Raises `SceneError` for a missing file, another file type, a file that Blender cannot read, or vertices that are not
     finite.
     """
-    path, opener = _opener(Path(path), {**_IMPORTERS, ".blend": _open_blend})
+    path, opener = _opener(Path(path), {**_importers(up), ".blend": _open_blend})
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    _open(path, opener)
+    return _open(path, opener)
 
 
-def load_beside(path: Path | str) -> list[bpy.types.Object]:
-    """Import a .glb, .gltf or .obj file into the open scene. Returns the new objects. Raises as `load`."""
-    path, opener = _opener(Path(path), _IMPORTERS)
+def load_beside(path: Path | str, up: Up = "auto") -> tuple[list[bpy.types.Object], list[str]]:
+    """Import a file of a tree into the open scene. Returns the new objects, and sentences as `load`.
+
+    Raises as `load`.
+    """
+    path, opener = _opener(Path(path), _importers(up))
     before = set(bpy.data.objects)
-    _open(path, opener)
-    return [obj for obj in bpy.data.objects if obj not in before]
+    notes = _open(path, opener)
+    return [obj for obj in bpy.data.objects if obj not in before], notes
 
 
 def _opener(path: Path, openers: Mapping[str, _Opener]) -> tuple[Path, _Opener]:
@@ -47,21 +57,30 @@ def _opener(path: Path, openers: Mapping[str, _Opener]) -> tuple[Path, _Opener]:
     return path, opener
 
 
-def _open(path: Path, opener: _Opener) -> None:
+def _open(path: Path, opener: _Opener) -> list[str]:
     try:
-        opener(path)
+        return opener(path)
     except OSError as error:
         failed = error.filename or path
         reason = error.strerror or error
         raise SceneError(f"{failed} cannot be read: {reason}; check the file and its permissions") from error
 
 
-def _open_gltf(path: Path) -> None:
+def _open_gltf(path: Path) -> list[str]:
     before = set(bpy.data.objects)
-    document = check_gltf(path)
-    _run(path, bpy.ops.import_scene.gltf)
-    if any("MSFT_lod" in node.get("extensions", {}) for node in document.get("nodes", [])):
+    source = check_gltf(path)
+    readable = marked(source)
+    if readable.file is not None:
+        _run(path, bpy.ops.import_scene.gltf)
+    else:
+        with TemporaryDirectory() as folder:
+            copy = Path(folder) / f"{path.stem}.glb"
+            copy.write_bytes(as_glb(readable))
+            _run(path, bpy.ops.import_scene.gltf, copy)
+    notes = add_transmission(source)
+    if any("MSFT_lod" in node.get("extensions", {}) for node in source.list("nodes")):
         _remove_far_levels(set(bpy.data.objects) - before)
+    return notes
 
 
 def _last_error(traceback: Sequence[str]) -> str:
@@ -89,28 +108,52 @@ def _unused() -> set[bpy.types.ID]:
     return {block for kind in kinds for block in kind if block.users == 0}
 
 
-def _open_obj(path: Path) -> None:
+def _open_obj(path: Path, up: Up) -> list[str]:
     check_obj(path)
+    before = set(bpy.data.objects)
     _run(path, bpy.ops.wm.obj_import)
+    return correct(set(bpy.data.objects) - before, up)
 
 
-_IMPORTERS: Mapping[str, _Opener] = {".glb": _open_gltf, ".gltf": _open_gltf, ".obj": _open_obj}
+def _open_other(path: Path, operator: Callable[..., set[str]]) -> list[str]:
+    """Import a file of a kind that has no check of its own: of what is in it, images and meshes are checked."""
+    check_regular(path)
+    _run(path, operator)
+    check_opened_blend(path)
+    return []
 
-SUFFIXES = tuple(_IMPORTERS)
+
+def _importers(up: Up) -> Mapping[str, _Opener]:
+    """Return the function that imports files of each ending, with the importers that this Blender has."""
+    fbx = bpy.ops.wm.fbx_import if "fbx_import" in dir(bpy.ops.wm) else bpy.ops.import_scene.fbx
+    others = {".fbx": fbx, **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), bpy.ops.wm.usd_import)}
+    there = {end: partial(_open_other, operator=each) for end, each in others.items() if _exists(each)}
+    return {".glb": _open_gltf, ".gltf": _open_gltf, ".obj": partial(_open_obj, up=up), **there}
+
+
+def _exists(operator: Callable[..., set[str]]) -> bool:
+    """Return whether this Blender has the operator."""
+    module, name = operator.idname_py().split(".")
+    return name in dir(getattr(bpy.ops, module))
+
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".fbx", ".usd", ".usda", ".usdc", ".usdz")
 """Ends of the names of files that `load_beside` imports."""
 
 
-def _open_blend(path: Path) -> None:
+def _open_blend(path: Path) -> list[str]:
     check_blend(path)
     # Never run scripts in the file, whatever the preferences allow.
     _run(path, bpy.ops.wm.open_mainfile, load_ui=False, use_scripts=False)
     check_opened_blend(path)
+    return []
 
 
-def _run(path: Path, operator: Callable[..., set[str]], **options: bool) -> None:
-    """Run an import operator. Blender reports errors by an exception, sometimes with several lines of text."""
+def _run(path: Path, operator: Callable[..., set[str]], copy: Path | None = None, **options: bool) -> None:
+    """Run an import operator on a file, or on its copy. Blender reports errors by an exception, sometimes with several
+    lines of text."""
     try:
-        result = operator(filepath=str(path.resolve()), **options)
+        result = operator(filepath=str((copy or path).resolve()), **options)
     except (RuntimeError, ValueError, TypeError) as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
         failed = next((number for number, line in enumerate(lines) if "Traceback (most recent call" in line), None)

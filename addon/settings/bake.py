@@ -34,6 +34,18 @@ class BakeSettings(LevelSettings):
             },
         ),
     ] = "one"
+    alpha: Annotated[
+        str,
+        Setting(
+            "Alpha of opaque leaf materials whose image has transparent texels",
+            "HOW",
+            choices={
+                "auto": "they are opaque, with a warning",
+                "material": "they are opaque",
+                "texture": "the image cuts them out; bake.py only",
+            },
+        ),
+    ] = "auto"
     engine: Annotated[
         str,
         Setting(

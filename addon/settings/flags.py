@@ -39,7 +39,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         type=Path,
         nargs="+",
         metavar="FILE",
-        help="Input file: .glb, .gltf, .obj or .blend. With several files, each is one tree unless --trees is given, "
+        help="Input file: .glb, .gltf, .obj, .fbx, .usd or .blend. With several files, each is one tree unless --trees is given, "
         "and only the first may be a .blend (default: the open scene)",
     )
     parser.add_argument(
@@ -47,6 +47,13 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         nargs="+",
         metavar="NAME",
         help="Objects or materials that are leaves (default: found by names such as leaf or needle, else by shape)",
+    )
+    parser.add_argument(
+        "--up",
+        choices=("auto", "y", "z"),
+        default="auto",
+        metavar="AXIS",
+        help="Axis of .obj files that points up: y, z, or auto: z if the plant stands on it, else y (default: auto)",
     )
     parser.add_argument("--out", type=_folder, metavar="DIR", help="Output folder for all files. Created if missing")
     for setting in described():
@@ -99,7 +106,7 @@ def with_flags(message: str) -> str:
     return with_names(message, _flag_words)
 
 
-_OWN_FLAGS = ("input", "leaves", "out")
+_OWN_FLAGS = ("input", "leaves", "up", "out")
 """Flags that are not settings but are named in messages."""
 
 

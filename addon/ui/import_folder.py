@@ -76,7 +76,7 @@ def _imported(context: bpy.types.Context, path: Path) -> list[bpy.types.Object]:
     own: these stay there.
     """
     known = set(bpy.data.collections)
-    objects = load_beside(path)
+    objects, _ = load_beside(path)
     context.view_layer.update()
     drawn = [obj for obj in objects if obj.name in context.view_layer.objects and obj.visible_get()]
     if not any(obj.type == "MESH" for obj in drawn):

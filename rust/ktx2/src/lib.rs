@@ -1,13 +1,16 @@
-//! Writer for KTX2 textures with given mip levels, as Basis Universal UASTC with Zstandard. UASTC transcodes to the formats of all GPUs.
+//! Writer for KTX2 textures with given mip levels, as Basis Universal UASTC with Zstandard, and reader of the largest level of others.
+//! UASTC transcodes to the formats of all GPUs.
 //!
 //! The crate `basis-universal` (Binomial's reference encoder) compresses each level to UASTC blocks. This crate writes the container, by
 //! the KTX 2.0 specification of the Khronos Group, as `KHR_texture_basisu` in glTF requires. On one machine the same pixels give the same
 //! bytes; the encoder's arithmetic may differ between machines.
 
 mod container;
+mod decode;
 mod strips;
 mod uastc;
 
+pub use decode::{Picture, SIGNATURE, decode};
 use thiserror::Error;
 
 /// One mip level: rows from the top, straight alpha.
@@ -39,6 +42,9 @@ pub enum Error {
     /// The caller asked to stop.
     #[error("cancelled")]
     Cancelled,
+    /// The file cannot be decoded.
+    #[error("{0}")]
+    File(String),
     /// The encoder failed.
     #[error("the Basis Universal encoder failed: {0}")]
     Encoder(String),

@@ -1236,7 +1236,7 @@ def encode_png(
     The same frames give the same bytes."""
 
 def decode_image(content: bytes) -> NDArray[np.uint8]:
-    """Return the pixels (h, w, 4) of an image file, such as a PNG or a JPEG, with the top row first.
+    """Return the pixels (h, w, 4) of a PNG, JPEG or KTX2 file (Basis Universal, its largest level), top row first.
 
     Without an alpha channel, alpha is 255. Raises `LeafcloudError` for a file that is no image or broken, or that has
     more than 16,384 pixels on a side."""
@@ -1248,22 +1248,20 @@ def compress_rows(rows: NDArray[np.uint8]) -> bytes:
 
     Raises `LeafcloudError` for another stride. The same rows give the same stream."""
 
-def decompress_rows(stream: bytes, count: int, stride: int) -> NDArray[np.uint8]:
-    """Return the bytes (count, stride) of a stream of `compress_rows`.
-
-    Raises `LeafcloudError` for a stream that is none, or that is too short for so many rows."""
-
 def compress_triangles(triangles: NDArray[np.uint32]) -> bytes:
     """Return triangles (t, 3) as a stream of ``EXT_meshopt_compression``, mode TRIANGLES, at about 1 to 3 bytes each.
 
     The triangles keep their order and orientation, but a triangle may begin at another of its corners. The same
     triangles give the same stream."""
 
-def decompress_triangles(stream: bytes, count: int) -> NDArray[np.uint32]:
-    """Return the triangles (count, 3) of a stream of `compress_triangles`.
+def decompress(stream: bytes, count: int, stride: int, mode: str = "ATTRIBUTES", filter: str = "NONE") -> bytes:
+    """Return the ``count`` elements of ``stride`` bytes of any stream of ``EXT_meshopt_compression``.
+
+    ``mode``: ATTRIBUTES with a stride of a multiple of 4 up to 32, TRIANGLES or INDICES with 2 or 4; ``count`` counts
+    indices then. ``filter``: NONE, OCTAHEDRAL or COLOR (strides 4 and 8), QUATERNION (8), or EXPONENTIAL.
 
     The indices of a foreign stream may be any. Raises `LeafcloudError` for a stream that is none, or that is too short
-    for so many triangles."""
+    for so many elements, and for other modes, filters and strides."""
 
 def write_png(path: str, image: NDArray[np.uint8]) -> None:
     """Write an (h, w, 4) sRGB image as PNG. The same pixels give the same bytes."""

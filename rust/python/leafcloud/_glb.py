@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import LeafcloudError, decompress_rows, decompress_triangles
+from . import LeafcloudError, decompress
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -74,20 +74,14 @@ class GlbFile:
         return found if isinstance(found, list) else []
 
     def view(self, number: int) -> bytes:
-        """Return the bytes of a buffer view, decompressed. Raise `Unreadable` for a form that is not decoded here."""
+        """Return the bytes of a buffer view, decompressed. Raise `LeafcloudError` for a broken stream."""
         view = self.items("bufferViews")[number]
         source = next((view["extensions"][name] for name in _COMPRESSIONS if name in view.get("extensions", {})), None)
         if source is None:
             return self._bytes(number, view)
         stream, count, stride = self._bytes(number, source), source["count"], source["byteStride"]
         self._check_count(f"buffer view {number}", count)
-        if source["mode"] == "TRIANGLES" and stride in (2, 4):
-            return decompress_triangles(stream, count // 3).astype(f"<u{stride}").tobytes()
-        form = source.get("filter", "NONE")
-        if source["mode"] != "ATTRIBUTES" or form not in ("NONE", "EXPONENTIAL"):
-            raise Unreadable(f"buffer view {number} is compressed in the mode {source['mode']}, filter {form}")
-        rows = decompress_rows(stream, count, stride)
-        return rows.tobytes() if form == "NONE" else _floats(rows).tobytes()
+        return decompress(stream, count, stride, source["mode"], source.get("filter", "NONE"))
 
     def _bytes(self, number: int, source: dict[str, Any]) -> bytes:
         """Return the bytes in the file of a buffer view, or of its compressed numbers."""
@@ -142,12 +136,6 @@ class GlbFile:
         if data.startswith(_JPEG):
             return Picture("JPEG", *_jpeg_size(data), len(data))
         return Picture("unknown", 0, 0, len(data))
-
-
-def _floats(rows: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Return the numbers of the filter EXPONENTIAL: 24 bits of a factor below 8 bits of a power of two."""
-    words = rows.view("<i4")
-    return np.ldexp(((words << 8) >> 8).astype(np.float32), words >> 24)
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int]:

@@ -75,9 +75,8 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(pictures::decode_image, module)?)?;
     module.add_function(wrap_pyfunction!(pictures::draw_text, module)?)?;
     module.add_function(wrap_pyfunction!(compression::compress_rows, module)?)?;
-    module.add_function(wrap_pyfunction!(compression::decompress_rows, module)?)?;
     module.add_function(wrap_pyfunction!(compression::compress_triangles, module)?)?;
-    module.add_function(wrap_pyfunction!(compression::decompress_triangles, module)?)?;
+    module.add_function(wrap_pyfunction!(compression::decompress, module)?)?;
     module.add_function(wrap_pyfunction!(tools::area_scale, module)?)?;
     module.add_function(wrap_pyfunction!(tools::transition, module)?)?;
     module.add_function(wrap_pyfunction!(tools::switch_distance, module)?)

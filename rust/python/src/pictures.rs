@@ -2,6 +2,7 @@
 
 use leafcloud::textures::animation::encode_png as core_encode_png;
 use leafcloud::textures::image::decode;
+use leafcloud::{Error, Image, Result};
 use leafcloud_curve::text_picture;
 use leafcloud_flip::flip_map as core_flip_map;
 use numpy::{IntoPyArray, PyArray2, PyArray3, PyArrayMethods};
@@ -51,8 +52,16 @@ pub fn encode_png<'py>(
 #[pyfunction]
 pub fn decode_image<'py>(py: Python<'py>, content: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let content: Vec<u8> = read(content, "content", "the bytes of an image file")?;
-    let image = interruptible(py, move |_| decode(&content))?;
+    let image = interruptible(py, move |_| image_of(&content))?;
     arrays::image_array(py, &image)
+}
+
+fn image_of(content: &[u8]) -> Result<Image> {
+    if !content.starts_with(&leafcloud_ktx2::SIGNATURE) {
+        return decode(content);
+    }
+    let picture = leafcloud_ktx2::decode(content).map_err(|error| Error::invalid(error.to_string()))?;
+    Image::new(picture.width, picture.height, picture.pixels)
 }
 
 #[pyfunction]

@@ -1,7 +1,7 @@
-//! Encoded files, read back by an independent implementation: the transcoder of the crate `basisu`.
+//! Files of the encoder, read back by the crate `basisu`, and our reader on whole and broken files.
 
 use basisu::{DecodeFlags, Supercompression, TargetFormat, Transcoder};
-use leafcloud_ktx2::{Codes, Error, MipLevel, encode};
+use leafcloud_ktx2::{Codes, Error, MipLevel, decode, encode};
 
 /// A leaf-like picture: green discs of several shades on a transparent background.
 fn picture(side: usize) -> Vec<[u8; 4]> {
@@ -91,4 +91,33 @@ fn anything_but_a_mip_chain_is_refused() {
     let one = &two[..1];
     let long = [level(4, 4, &four), level(2, 2, &two), level(1, 1, one), level(1, 1, one)];
     assert!(message(&long).contains("there are 4 levels; the limit for this size is 3"));
+}
+
+#[test]
+fn the_largest_level_is_decoded() {
+    let chain = chain(64);
+    let file = encode(&levels(&chain), Codes::Srgb, &|| true).unwrap();
+    let read = decode(&file).unwrap();
+    assert_eq!((read.width, read.height), (64, 64));
+    let (_, pixels) = &chain[0];
+    let worst = read.pixels.iter().zip(pixels).filter(|(_, b)| b[3] == 255).map(|(a, b)| a[1].abs_diff(b[1])).max();
+    assert!(worst.unwrap() <= 24, "green is off by {worst:?}");
+}
+
+#[test]
+fn broken_files_are_refused() {
+    let file = encode(&levels(&chain(16)), Codes::Srgb, &|| true).unwrap();
+    let shorter = (0..file.len()).step_by(7).map(|end| file[..end].to_vec());
+    let changed = (0..file.len()).step_by(5).map(|at| {
+        let mut other = file.clone();
+        other[at] ^= 0x81;
+        other
+    });
+    let refused = |content: &Vec<u8>| matches!(decode(content), Err(Error::File(_)));
+    assert!(shorter.into_iter().all(|content| refused(&content)), "a file that ends early");
+    let refusals = changed.filter(refused).count();
+    assert!(refusals > 10, "only {refusals} changed files are refused");
+    let mut wide = file.clone();
+    wide[20..24].copy_from_slice(&(1_u32 << 20).to_le_bytes());
+    assert!(refused(&wide), "a file wider than the limit");
 }

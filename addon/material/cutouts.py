@@ -1,0 +1,57 @@
+"""Opaque leaf materials whose image has transparent texels: exporters that forget the alpha mode leave such files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import bpy
+
+from ..errors import SceneError
+from .images import pixels_of
+from .surface import principled_of, read_surface
+
+_LEAST, _MOST = 0.05, 0.98
+"""Shares of the texels that are transparent in an image that cuts leaves out."""
+
+
+def cut_out_by_images(materials: Sequence[bpy.types.Material | None]) -> None:
+    """Cut opaque materials out where their color image is transparent."""
+    for material, image, _ in list(_forgotten(materials)):
+        principled = principled_of(material)
+        assert principled is not None  # `_forgotten` has read it
+        tree = principled.socket.id_data
+        texture = next(node for node in tree.nodes if node.type == "TEX_IMAGE" and node.image == image)
+        threshold = tree.nodes.new("ShaderNodeMath")
+        threshold.operation, threshold.location = "GREATER_THAN", (texture.location.x + 300.0, texture.location.y)
+        threshold.inputs[1].default_value = 0.5
+        tree.links.new(texture.outputs["Alpha"], threshold.inputs[0])
+        tree.links.new(threshold.outputs[0], principled.input("Alpha").socket)
+
+
+def forgotten_alpha(materials: Sequence[bpy.types.Material | None]) -> list[str]:
+    """Return a sentence for each opaque material whose color image is transparent in parts."""
+    return [
+        f"material {material.name!r} is opaque, but {share:.0%} of its image {image.name!r} are transparent: if leaves "
+        f"should be cut out, link the image's Alpha to the Alpha of the shader, or give `alpha=texture`; `alpha=material` ends "
+        f"this warning"
+        for material, image, share in _forgotten(materials)
+    ]
+
+
+def _forgotten(
+    materials: Sequence[bpy.types.Material | None],
+) -> Iterator[tuple[bpy.types.Material, bpy.types.Image, float]]:
+    """Yield each opaque material with its color image and the share of its texels that are transparent."""
+    for material in dict.fromkeys(materials):
+        surface = read_surface(material)
+        texture = surface.color_texture
+        if material is None or surface.alpha_mode != "OPAQUE" or surface.gaps or texture is None or texture.image is None:
+            continue
+        if surface.unlit or texture.image.alpha_mode == "NONE" or texture.image.depth in (8, 24, 48):
+            continue
+        try:
+            share = float((pixels_of(texture.image, material.name)[..., 3] < 128).mean())
+        except SceneError:  # The bake reports a missing image.
+            continue
+        if _LEAST <= share <= _MOST:
+            yield material, texture.image, share
