@@ -167,6 +167,7 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
 
     from addon.bake.pipeline import file_name, layer_of
     from addon.mesh.extract import extract
+    from addon.mesh.motion import at_rest
     from addon.mesh.trees import extract_trees, grouped, rendered
 
     files: dict[str, set[bpy.types.Object]] = {}
@@ -179,15 +180,17 @@ def _trees(options: argparse.Namespace) -> tuple[dict[str, Tree], str]:
     else:
         active = bpy.context.view_layer.objects.active
         name = file_name(Path(bpy.data.filepath).stem or ("tree" if active is None else active.name))
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    if options.trees == "one" and len(files) < 2:
-        trees = {name: extract(depsgraph, None, leaf_names=options.leaves)}
-    else:
-        shown = rendered(layer_of(bpy.context.scene))
-        groups: Groups = {stem: [obj for obj in shown if obj in objects] for stem, objects in files.items()}
-        if options.trees != "one":
-            groups = grouped(shown, options.trees)
-        trees = extract_trees(depsgraph, groups, leaf_names=options.leaves)
+    layer = layer_of(bpy.context.scene)
+    with at_rest(layer):
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        if options.trees == "one" and len(files) < 2:
+            trees = {name: extract(depsgraph, None, leaf_names=options.leaves)}
+        else:
+            shown = rendered(layer)
+            groups: Groups = {stem: [obj for obj in shown if obj in objects] for stem, objects in files.items()}
+            if options.trees != "one":
+                groups = grouped(shown, options.trees)
+            trees = extract_trees(depsgraph, groups, leaf_names=options.leaves)
     if options.alpha == "texture":
         _cut_out(trees)
     return {each: replace(tree, warnings=[*notes, *tree.warnings]) for each, tree in trees.items()}, name

@@ -1,4 +1,4 @@
-"""Opaque leaf materials whose image has transparent texels: exporters that forget the alpha mode leave such files."""
+"""Materials whose alpha mode and image disagree, as exporters that forget the mode, or always write one, leave them."""
 
 from __future__ import annotations
 
@@ -38,6 +38,23 @@ def forgotten_alpha(materials: Sequence[bpy.types.Material | None]) -> list[str]
     ]
 
 
+def without_empty_alpha(material: bpy.types.Material) -> None:
+    """Make a material opaque whose alpha comes from an image without alpha, such as a JPEG."""
+    surface = read_surface(material)
+    texture, principled = surface.alpha_texture, principled_of(material)
+    if texture is None or principled is None or surface.alpha_channel != "alpha" or not _is_opaque(texture.image):
+        return
+    if surface.alpha == 1.0 and surface.alpha_attribute is None:
+        alpha = principled.input("Alpha").socket
+        for link in list(alpha.links):
+            alpha.id_data.links.remove(link)
+
+
+def _is_opaque(image: bpy.types.Image | None) -> bool:
+    """Return whether an image has no alpha channel: one or three channels of 8 or 16 bits."""
+    return image is not None and image.depth in (8, 24, 48)
+
+
 def _forgotten(
     materials: Sequence[bpy.types.Material | None],
 ) -> Iterator[tuple[bpy.types.Material, bpy.types.Image, float]]:
@@ -47,7 +64,7 @@ def _forgotten(
         texture = surface.color_texture
         if material is None or surface.alpha_mode != "OPAQUE" or surface.gaps or texture is None or texture.image is None:
             continue
-        if surface.unlit or texture.image.alpha_mode == "NONE" or texture.image.depth in (8, 24, 48):
+        if surface.unlit or texture.image.alpha_mode == "NONE" or _is_opaque(texture.image):
             continue
         try:
             share = float((pixels_of(texture.image, material.name)[..., 3] < 128).mean())

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 
 import bpy
 
-from .images import is_missing
-from .node_links import Port, follow, number_at, output_of, shown_nodes, tangled_inputs, trees_of
-from .surface import principled_of, read_surface
+from .images import is_missing, pixels_of
+from .node_links import Port, number_at, output_of, shown_nodes, tangled_inputs, trees_of
+from .surface import principled_of, product_of, read_surface
+from .textures import NotUnderstoodError
 
 
 def losses(material: bpy.types.Material) -> list[str]:
@@ -76,5 +77,11 @@ def _has(shader: Port, name: str) -> bool:
 
 
 def _is_black(target: Port) -> bool:
-    source = follow(target)
-    return source.kind in {"", "RGB"} and not any(source.socket.default_value[:3])
+    try:
+        product = product_of(target)
+    except NotUnderstoodError:
+        return False
+    if not any(product.factor):
+        return True
+    image = None if product.texture is None else product.texture.image
+    return image is not None and not is_missing(image) and not pixels_of(image, "")[..., :3].any()

@@ -37,6 +37,7 @@ from ..plan.leaves import (
 from ..plan.other_levels import coarser
 from .baked_levels import record_of
 from .meshes import Copies, gather
+from .motion import lost_motion
 from .pieces import Piece, divided, ground_of, shape_of
 from .realise import Triangles, joined, realise, relative, used_only
 from .strays import without_strays
@@ -90,7 +91,7 @@ def extract(
         trunk=reader.geometry(trunk) if trunk else None,
         choice=choice.reason,
         dropped=[*dropped, *loose],
-        warnings=list(dict.fromkeys([*doubt, *others, *strays, *reader.warnings])),
+        warnings=list(dict.fromkeys([*doubt, *others, *strays, *lost_motion(sources), *reader.warnings])),
         sources=sources,
     )
 

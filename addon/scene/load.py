@@ -15,8 +15,10 @@ from typing import TypeAlias
 import bpy
 
 from ..errors import SceneError
+from ..material.cutouts import without_empty_alpha
 from .blend_checks import check_blend, check_opened_blend
 from .gltf_checks import check_gltf
+from .gltf_source import GltfSource
 from .gltf_transmission import add_transmission, marked
 from .gltf_unpacked import as_glb
 from .input_files import check_regular
@@ -67,7 +69,7 @@ def _open(path: Path, opener: _Opener) -> list[str]:
 
 
 def _open_gltf(path: Path) -> list[str]:
-    before = set(bpy.data.objects)
+    before, materials = set(bpy.data.objects), set(bpy.data.materials)
     source = check_gltf(path)
     readable = marked(source)
     if readable.file is not None:
@@ -77,10 +79,28 @@ def _open_gltf(path: Path) -> list[str]:
             copy = Path(folder) / f"{path.stem}.glb"
             copy.write_bytes(as_glb(readable))
             _run(path, bpy.ops.import_scene.gltf, copy)
-    notes = add_transmission(source)
+    for material in set(bpy.data.materials) - materials:
+        without_empty_alpha(material)
+    notes = [*_unread(source), *add_transmission(source)]
     if any("MSFT_lod" in node.get("extensions", {}) for node in source.list("nodes")):
         _remove_far_levels(set(bpy.data.objects) - before)
     return notes
+
+
+_READ = {
+    *(f"KHR_materials_{name}" for name in "unlit specular ior transmission volume clearcoat sheen anisotropy".split()),
+    *("KHR_materials_diffuse_transmission", "KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness"),
+}
+"""Extensions of materials that are read, and those whose loss `material.losses` tells."""
+
+
+def _unread(source: GltfSource) -> list[str]:
+    """Return a sentence for each material with extensions that nothing reads."""
+    return [
+        f"material {material.get('name', number)!r}: {', '.join(lost)} of the file is left out"
+        for number, material in enumerate(source.list("materials"))
+        if (lost := sorted(set(material.get("extensions", {})) - _READ))
+    ]
 
 
 def _last_error(traceback: Sequence[str]) -> str:

@@ -13,6 +13,7 @@ from ..levels.earlier import levels_of
 from ..levels.root import root_of
 from ..mesh.baked_levels import is_placed_tree, is_source, record_of
 from ..mesh.extract import Tree, extract
+from ..mesh.motion import at_rest
 from ..mesh.trees import extract_trees, grouped
 from .properties import leaf_names
 
@@ -39,7 +40,7 @@ def trees_of(
     settings = context.scene.leafcloud
     members = (obj for collection in levels_of(context.scene, sources) for obj in collection.all_objects)
     levels = [obj for obj in members if record_of(obj) is not None]
-    with shown_instead(context.view_layer, sources, levels):
+    with shown_instead(context.view_layer, sources, levels), at_rest(context.view_layer):
         depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
         if division == "one":
             tree = extract(depsgraph, sources, leaf_names=names)
