@@ -5,8 +5,10 @@ Reads only what a check has found to lie inside of the file.
 
 from __future__ import annotations
 
+import copy
 import json
 import struct
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,6 +69,20 @@ class GlbFile:
         except (struct.error, ValueError, RecursionError, MemoryError) as error:
             raise LeafcloudError(f"{path} is no GLB file, or is broken: {error}; export it again") from error
         self.path = path
+
+    def with_only(self, nodes: Collection[int]) -> bytes:
+        """Return the file with the meshes of these nodes alone, all in its scene."""
+        document = copy.deepcopy(self.document)
+        inner = {child for node in document["nodes"] for child in node.get("children", [])}
+        for number, node in enumerate(document["nodes"]):
+            if number not in nodes:
+                node.pop("mesh", None)
+        document |= {"scene": 0, "scenes": [{"nodes": [n for n in range(len(document["nodes"])) if n not in inner]}]}
+        text = json.dumps(document).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<I4s", len(text), b"JSON") + text
+        chunks += struct.pack("<I4s", len(self._body), b"BIN\0") + self._body
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
     def items(self, name: str) -> list[dict[str, Any]]:
         """Return a list of the document; empty if it is missing."""

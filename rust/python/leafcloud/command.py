@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--against",
         type=Path,
         metavar="LEAVES.glb",
-        help="compare the pictures and the cost of drawing of each file's scene with those of this file",
+        help="compare pictures and cost of drawing of each level, also of another tool, with the finest level of this file",
     )
     inspecting.add_argument(
         "--json", action="store_true", help="print JSON in place of tables: of several files a list"
@@ -105,8 +105,11 @@ def _lines(found: Inspection, scores: Sequence[Score]) -> list[str]:
     if found.engines:
         lines += ["", *(f"{engine}: {loss}" for engine, loss in found.engines)]
     if scores:
-        rows = [(f"{each.size}", f"{each.flip:.3f}", f"{each.coverage:.2f}", f"{each.cost:.3f}") for each in scores]
-        lines += ["", *aligned(("pixels", "FLIP", "coverage", "cost of drawing"), rows)]
+        rows = [
+            (each.level, f"{each.size}", f"{each.flip:.3f}", f"{each.coverage:.2f}", f"{each.cost:.3f}")
+            for each in scores
+        ]
+        lines += ["", *aligned(("level", "pixels", "FLIP", "coverage", "cost of drawing"), rows)]
     return lines
 
 

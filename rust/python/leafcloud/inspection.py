@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import FRAGMENTS_PER_TRIANGLE, LeafcloudError, decode_image, drawing_cost, flip_map, keep, read_gltf, render
+from . import FRAGMENTS_PER_TRIANGLE, Foliage, LeafcloudError, decode_image, drawing_cost, flip_map, keep, read_gltf, render
 from ._coverage import kept_by_mips
 from ._glb import GlbFile, Picture, Unreadable
 
@@ -45,7 +47,7 @@ _REACH = 4
 class LevelRow:
     """A level of the file, or the whole scene of a file without levels.
 
-    number: of the level; None without levels. attributes: of all meshes. vertex_bytes: with indices and morph targets.
+    number: of the level; None for levels of another tool, and without levels. attributes: of all meshes. vertex_bytes: with indices and morph targets.
     """
 
     name: str
@@ -82,17 +84,21 @@ class Inspection:
 
 @dataclass(frozen=True)
 class Score:
-    """A file beside the leaves in pictures of one size.
+    """A level beside the leaves in pictures of one size.
 
-    size: of the pictures in pixels. flip: within 4 pixels of the silhouettes, in [0, 1]. coverage, cost: of drawing,
+    level: its name. size: of the pictures in pixels. flip: within 4 pixels of the silhouettes, in [0, 1]. coverage, cost: of drawing,
     over those of the leaves.
     """
 
+    level: str
     size: int
     flip: float
     coverage: float
     cost: float
 
+
+_LEVEL = re.compile(r"(?:^|[\W_])lod[\W_]*(\d{1,2})(?![a-z0-9])", re.IGNORECASE)
+"""A name of a level of another tool, such as Oak_LOD2."""
 
 _BROKEN = (
     *(KeyError, IndexError, TypeError, ValueError, AttributeError),
@@ -105,23 +111,24 @@ def inspect(path: Path) -> Inspection:
     """Read a GLB file. Raises `LeafcloudError` for a file that is none, or that is broken."""
     file = GlbFile(path)
     try:
-        levels = tuple(_levels(file))
+        levels = tuple(_row(file, *each) for each in _levels(file))
         return Inspection(levels, tuple(_checks(file)), tuple(_engines(file, levels)))
     except _BROKEN as error:
         raise LeafcloudError(f"{path} is broken: {type(error).__name__} {error}; export it again") from error
 
 
-def _levels(file: GlbFile) -> Iterator[LevelRow]:
-    baked = {
-        number: level
-        for number, node in enumerate(file.items("nodes"))
-        if (level := _extras(node).get("level")) is not None
-    }
-    if not baked:
-        yield _row(file, file.path.stem, None, _shown(file))
-    for chain in _chains(file):
-        for node in chain:
-            yield _row(file, _name(file, node), baked[node], [node])
+def _levels(file: GlbFile) -> list[tuple[str, int | None, list[int]]]:
+    """Return name, number and nodes of each level: of a bake, else of another tool by names, else the whole scene."""
+    nodes = file.items("nodes")
+    chains = _chains(file)
+    if chains:
+        return [(_name(file, node), _extras(nodes[node])["level"], [node]) for chain in chains for node in chain]
+    numbers = {node: int(found[1]) for node in range(len(nodes)) if (found := _LEVEL.search(_name(file, node)))}
+    if len({*numbers.values()}) < 2:
+        return [(file.path.stem, None, _shown(file))]
+    inner = {below for node in numbers for below in _below(file, [node]) if below != node}
+    tops = {number: [node for node in numbers if numbers[node] == number and node not in inner] for number in numbers.values()}
+    return [(_name(file, tops[number][0]), None, tops[number]) for number in sorted(tops) if tops[number]]
 
 
 def _shown(file: GlbFile) -> list[int]:
@@ -295,12 +302,13 @@ def _closure(file: GlbFile, before: int, after: int) -> Iterator[Check]:
     """
     extras = _extras(file.items("nodes")[before])
     keep, first = _kept_share(extras), _own(file, before).get("first_texcoord")
-    targets = np.concatenate([_targets(file, each, keep, first) for each in _leaves(file, before)])
+    moves = [_moves(file, each, keep, first) for each in _leaves(file, before)]
+    starts, targets = (np.concatenate(each) for each in zip(*moves, strict=True))
     planes = _planes(file, after)
     if not len(targets) or not len(planes):
         return
     step = math.ceil(len(targets) / _MOST_CORNERS)
-    targets = targets[::step]
+    starts, targets = starts[::step], targets[::step]
     radius, name = float(extras["radius"]), _name(file, before)
     # Targets keep 1/4096 of their height over the plane, for the order of overlapping leaves.
     ends = _distances(targets, planes) < 1e-3 * radius
@@ -308,8 +316,7 @@ def _closure(file: GlbFile, before: int, after: int) -> Iterator[Check]:
     yield Check(f"{name}: leaves end on the next level", bool(ends.mean() >= _LEAST_SHARE), figure)
     most = _extras(file.items("nodes")[after]).get("max_deviation")
     if most is not None and keep == 1.0 and ends.any():
-        starts = np.concatenate([_targets(file, each, keep, first, moved=False) for each in _leaves(file, before)])
-        heights = _heights(starts[::step][ends], targets[ends], planes, 1e-3 * radius) / radius
+        heights = _heights(starts[ends], targets[ends], planes, 1e-3 * radius) / radius
         within = float((heights <= 1.01 * most + 1e-3).mean())
         figure = f"{within:.2%} of the corners within ε = {most:.3g} R"
         yield Check(f"{name}: leaves move at most by the error bound", within >= _LEAST_SHARE, figure)
@@ -366,15 +373,31 @@ def _kept_share(extras: dict[str, Any]) -> float:
     return keep(extras["transition_end"], extras["prune_start"], extras.get("prune_half", 0.5))
 
 
-def _targets(
-    file: GlbFile, primitive: dict[str, Any], keep: float, first: int | None, *, moved: bool = True
-) -> NDArray[np.float64]:
-    """Return the places of the kept leaves' corners at the end of the morph; `moved` false: before it."""
-    places = file.values(primitive["attributes"]["POSITION"]).astype(np.float64)
-    for target in primitive.get("targets", []) if moved else []:
-        places = places + file.values(target["POSITION"])
+def _moves(
+    file: GlbFile, primitive: dict[str, Any], keep: float, first: int | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the places of the kept leaves' corners before the morph and at its end.
+
+    Without leaves that shrink to a point: they end on no plane, but are gone.
+    """
+    starts = file.values(primitive["attributes"]["POSITION"]).astype(np.float64)
+    ends = starts.copy()
+    for target in primitive.get("targets", []):
+        ends += file.values(target["POSITION"])
     ranks = None if keep == 1.0 else _ranks(file, primitive, first)
-    return places if ranks is None else places[ranks < keep]
+    kept = np.ones(len(starts), bool) if ranks is None else ranks < keep
+    if "indices" in primitive:
+        corners = file.values(primitive["indices"])[:, 0].reshape(-1, 3)
+        before, after = (_areas(places[corners]) for places in (starts, ends))
+        gone = np.zeros(len(starts), bool)
+        gone[corners[after < 1e-6 * before]] = True
+        kept &= ~gone
+    return starts[kept], ends[kept]
+
+
+def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return twice the areas of triangles (t, 3, 3)."""
+    return np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
 
 
 def _planes(file: GlbFile, node: int) -> NDArray[np.float64]:
@@ -423,11 +446,27 @@ def _engines(file: GlbFile, levels: tuple[LevelRow, ...]) -> Iterator[tuple[str,
 
 
 def compare(path: Path, leaves: Path) -> list[Score]:
-    """Compare all that a file's scene shows with the leaves of another, in pictures of falling sizes.
+    """Compare each level of a file with the finest level of another, in pictures of falling sizes.
 
     Raises `LeafcloudError` for files that cannot be read.
     """
-    base, other = (read_gltf(str(each), names=[""]) for each in (leaves, path))
+    of_leaves, file = GlbFile(leaves), GlbFile(path)
+    try:
+        base = _foliage(of_leaves, _levels(of_leaves)[0][2])
+        return [score for name, _, nodes in _levels(file) for score in _scores(name, base, _foliage(file, nodes))]
+    except _BROKEN as error:
+        raise LeafcloudError(f"{path} is broken: {type(error).__name__} {error}; export it again") from error
+
+
+def _foliage(file: GlbFile, nodes: list[int]) -> Foliage:
+    """Return all meshes below nodes, in their place."""
+    with TemporaryDirectory() as folder:
+        alone = Path(folder) / "level.glb"
+        alone.write_bytes(file.with_only(_below(file, nodes)))
+        return read_gltf(str(alone), names=[""])
+
+
+def _scores(name: str, base: Foliage, other: Foliage) -> list[Score]:
     centre, radius = list(base.world_centre), float(base.radius) * 1.05
     pairs = [
         [render([shown], view, SIZES[0], centre=centre, radius=radius, samples=2) for shown in (base, other)]
@@ -439,11 +478,11 @@ def compare(path: Path, leaves: Path) -> list[Score]:
         errors = [flip_near(*pair) for pair in halves]
         covered = [sum(float(pair[i][..., 3].sum()) for pair in halves) for i in (0, 1)]
         costs = [_cost(shown, size / (2.0 * radius)) for shown in (base, other)]
-        scores.append(Score(size, float(np.mean(errors)), covered[1] / max(covered[0], 1.0), costs[1] / costs[0]))
+        scores.append(Score(name, size, float(np.mean(errors)), covered[1] / max(covered[0], 1.0), costs[1] / costs[0]))
     return scores
 
 
-def _cost(foliage: Any, scale: float) -> float:
+def _cost(foliage: Foliage, scale: float) -> float:
     """Return the cost of drawing in fragments: a triangle costs as much as `FRAGMENTS_PER_TRIANGLE` of them."""
     cost = drawing_cost([foliage], scale)
     return float(cost["fragments"] + FRAGMENTS_PER_TRIANGLE * cost["triangles"])
