@@ -34,7 +34,7 @@ from ..plan.leaves import (
     named,
     names_of,
 )
-from ..plan.other_levels import coarser
+from ..plan.other_levels import Extent, coarser, coarser_by_form
 from .baked_levels import record_of
 from .meshes import Copies, gather
 from .motion import lost_motion
@@ -99,12 +99,24 @@ def extract(
 def _finest(gathered: Sequence[Copies], names: Sequence[str]) -> tuple[list[Copies], list[str]]:
     """Return the meshes without coarser levels of another tool, and a sentence on these. `names`: of leaves."""
     left_out = set(coarser([(copies.object_name, copies.owner_name, *copies.names) for copies in gathered]))
+    if not left_out:
+        single = [i for i, copies in enumerate(gathered) if len(copies.matrices) == 1]
+        left_out = {single[i] for i in coarser_by_form([_extent(gathered[i]) for i in single])}
     if any(named(name, {gathered[i].object_name for i in left_out}) for name in names):
         return list(gathered), []
     coarse = sorted({repr(gathered[i].object_name) for i in left_out})
     kept = [copies for i, copies in enumerate(gathered) if i not in left_out]
     said = f"{', '.join(coarse[:8])}{' …' if len(coarse) > 8 else ''}: left out, coarser levels of another tool"
     return kept, [said] if left_out else []
+
+
+def _extent(copies: Copies) -> Extent:
+    matrix = copies.matrices[0]
+    places = copies.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    a, b, c = places[copies.triangles].transpose(1, 0, 2)
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    names = frozenset("" if material is None else material.name for material in copies.materials)
+    return Extent(np.array([places.min(axis=0), places.max(axis=0)]), area, len(copies.triangles), names)
 
 
 def _chosen(

@@ -1,9 +1,13 @@
-"""Levels of detail of another tool, told by their names: the finest is the tree."""
+"""Levels of detail of another tool, told by their names, else by their form: the finest is the tree."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 _LEVEL = re.compile(r"(?:^|[\W_])lod[\W_]*(\d{1,2})(?![a-z0-9])", re.IGNORECASE)
 _PICTURE = re.compile(r"billboard|impost[eo]r", re.IGNORECASE)
@@ -31,3 +35,51 @@ def coarser(parts: Sequence[Sequence[str]]) -> list[int]:
         for i, number in enumerate(numbers)
         if (number is None and any(map(_PICTURE.search, parts[i]))) or (number is not None and number > finest)
     ]
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Form of an object: its box (2, 3) in the world, its area, its triangles, and the names of its materials."""
+
+    box: NDArray[np.float64]
+    area: float
+    triangles: int
+    materials: frozenset[str]
+
+
+def coarser_by_form(parts: Sequence[Extent]) -> list[int]:
+    """Return the indices of the parts that are coarser levels of others, told by form alone.
+
+    A coarser level fills the same box with about the same area and materials, by fewer triangles. Exports of three.js's
+    LOD and of Unity's LODGroup may have no names. Beside such levels a few triangles as large as the tree are its
+    picture. O(n²).
+    """
+    if len(parts) > _MOST_PARTS:
+        return []
+    found = [i for i, part in enumerate(parts) if any(_is_coarser(part, other) for other in parts)]
+    finest = max((part.triangles for part in parts), default=0)
+    tree = max((_diagonal(part) for part in parts if part.triangles == finest), default=0.0)
+    pictures = [
+        i for i, part in enumerate(parts) if part.triangles <= _MOST_OF_PICTURE and _diagonal(part) >= _LIKE_TREE * tree
+    ]
+    return sorted({*found, *pictures}) if found else []
+
+
+_MOST_PARTS = 300
+_SAME_BOX, _SAME_AREA, _FEWER = 0.05, 1.5, 1.5
+"""Greatest distance of the faces of two boxes, in diagonals; greatest ratio of the areas; least ratio of the triangles."""
+
+
+_MOST_OF_PICTURE, _LIKE_TREE = 12, 0.7
+"""Most triangles of a picture of the tree, and its least diagonal, in those of the finest part."""
+
+
+def _diagonal(part: Extent) -> float:
+    return float(np.linalg.norm(np.ptp(part.box, axis=0)))
+
+
+def _is_coarser(part: Extent, other: Extent) -> bool:
+    if other.triangles < _FEWER * part.triangles or not part.materials <= other.materials:
+        return False
+    near = float(np.abs(part.box - other.box).max()) <= _SAME_BOX * _diagonal(other)
+    return near and max(part.area, other.area) <= _SAME_AREA * min(part.area, other.area)
