@@ -43,9 +43,9 @@ if TYPE_CHECKING:
 
     from addon.geometry import Tree
     from addon.mesh.trees import Groups
-    from addon.scene.obj_corrections import Up
     from addon.plan.decision import Decision
     from addon.plan.effects import CameraNote
+    from addon.scene.obj_corrections import Up
     from addon.settings.bake import BakeSettings
 
 STARTED = time.monotonic()

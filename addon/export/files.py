@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+from mathutils import Vector
 
 import leafcloud
 
@@ -26,6 +27,7 @@ from ..material.blended import masked
 from ..mesh.baked_levels import plain_mesh
 from ..plan.decision import is_on
 from ..plan.effects import on_effects
+from ..plan.lod_range import View
 from ..plan.pages import KTX2_ENGINES
 from . import gltf, ktx2, report_page
 from .blend import save_blend
@@ -40,6 +42,7 @@ from .plain_materials import materials_of_meshes, untangled
 from .preview import pictures_of
 from .report import joint_report, report
 from .staging import Staging
+from .usual_view import for_usual_view, to_usual_view
 from .vertex_data import VertexData, engine_attributes
 
 
@@ -65,8 +68,10 @@ def write(tree_set: TreeSet, directory: Path, progress: Progress, *, blend: bool
             load = GpuLoad()
             last = [compress] if settings.compress else []
             edits = [*_edits(trees), join_trunks, *last, load.read]
+            # In an engine a tree stands where it is put. Several trees of a file keep their places.
+            place = Vector() if len(trees) == 1 and settings.engine != "generic" else None
             for tree in trees:
-                changes.enter_context(without_root(tree.collection))
+                changes.enter_context(without_root(tree.collection, place))
                 changes.enter_context(plain_files(tree.levels, tree.schedule.plain_distances[-1]))
                 changes.enter_context(_as_in_files(tree))
             for number in range(count) if settings.level_files else ():
@@ -131,9 +136,10 @@ def _edits(trees: Sequence[Baked]) -> list[Edit]:
     taken = {name: level for name, level in clouds.items() if ktx2.is_taken(level)}
     textures = ktx2.Ktx2Textures(taken if engine in KTX2_ENGINES else {})
     if not is_on(first.effects, "blend_order"):
-        return [VertexData(engine).add_to, textures.add_to]
+        return [VertexData(engine).add_to, textures.add_to, for_usual_view(first.view)]
     triangles = sum(tree.prepared.facts.triangles for tree in trees)
-    return [VertexData(engine).add_to, BlendOrders(clouds, triangles, first.costs).add_to, textures.add_to]
+    orders = BlendOrders(clouds, triangles, first.costs)
+    return [VertexData(engine).add_to, orders.add_to, textures.add_to, for_usual_view(first.view)]
 
 
 @contextmanager
@@ -152,7 +158,8 @@ def _as_in_files(tree: Baked) -> Iterator[None]:
 
 def _lod_chain(tree: Baked) -> LodChain:
     names = tuple(level.object.name for level in tree.levels)
-    return LodChain(names, screen_coverages(tree.schedule.plain_distances, tree.prepared.foliage.radius, tree.view))
+    distances = [to_usual_view(tree.view) * each for each in tree.schedule.plain_distances]
+    return LodChain(names, screen_coverages(distances, tree.prepared.foliage.radius, View()))
 
 
 def _objects(trees: Sequence[Baked], number: int) -> list[bpy.types.Object]:

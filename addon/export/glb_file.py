@@ -115,7 +115,7 @@ class Glb:
         return len(self.document["accessors"]) - 1
 
     def append_texture(self, material: dict[str, Any], name: str, content: bytes) -> int:
-        """Append a texture, a PNG or JPEG file, with the sampler of the base color texture of `material`. Return its index.
+        """Append a PNG or JPEG file as texture, with the sampler of the base color of `material`. Return its index.
 
         An image already appended under the same name is reused: trees may share images, and Blender's image names are
         unique.

@@ -49,9 +49,7 @@ def lit_material(material: bpy.types.Material | None, strength: float) -> bpy.ty
     return lit
 
 
-def unlit_material(
-    name: str, image: bpy.types.Image, alpha_cutoff: float, *, double_sided: bool
-) -> bpy.types.Material:
+def unlit_material(name: str, image: bpy.types.Image, alpha_cutoff: float, *, double_sided: bool) -> bpy.types.Material:
     """Create a material that emits the atlas page to the camera, cut out at `alpha_cutoff`; with 0 it is alpha blended.
 
     Blender's glTF exporter recognizes this node setup and writes `KHR_materials_unlit` with `alphaMode` MASK or BLEND.

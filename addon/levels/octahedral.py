@@ -133,7 +133,7 @@ def _material(
     pages: tuple[bpy.types.Image, bpy.types.Image],
     build: Build,
 ) -> bpy.types.Material:
-    """Create the material that shows the three views around each ray, blended. It emits light that is baked or needs none."""
+    """Create the material that shows the three views around each ray, blended. It emits what needs no light."""
     material = bpy.data.materials.new(name)
     if material.node_tree is None:  # From Blender 5.0 on every material has nodes.
         material.use_nodes = True

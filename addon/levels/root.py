@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import bpy
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from ..mesh.baked_levels import EXTRAS
 from ..nodes.laws import ABOUT_LOD_DISTANCE, LOD_DISTANCE, NEAREST, is_own_group
@@ -55,13 +55,18 @@ def follow_distance(root: bpy.types.Object, obj: bpy.types.Object) -> None:
 
 
 @contextmanager
-def without_root(collection: bpy.types.Collection) -> Iterator[None]:
-    """Take the root out of the collection during the block, for exports: the levels stand alone in files."""
+def without_root(collection: bpy.types.Collection, location: Vector | None = None) -> Iterator[None]:
+    """Take the root out of the collection during the block, for exports: the levels stand alone in files.
+
+    location: where they stand; None: where the root is.
+    """
     root = root_of(collection)
     if root is None:
         yield
         return
     place, below = root.matrix_world.copy(), root.children
+    if location is not None:
+        place.translation = location
     with left_out(collection, root):
         for obj in below:
             obj.parent = None

@@ -32,8 +32,8 @@ def forgotten_alpha(materials: Sequence[bpy.types.Material | None]) -> list[str]
     """Return a sentence for each opaque material whose color image is transparent in parts."""
     return [
         f"material {material.name!r} is opaque, but {share:.0%} of its image {image.name!r} are transparent: if leaves "
-        f"should be cut out, link the image's Alpha to the Alpha of the shader, or give `alpha=texture`; `alpha=material` ends "
-        f"this warning"
+        f"should be cut out, link the image's Alpha to the Alpha of the shader, or give `alpha=texture`; "
+        f"`alpha=material` ends this warning"
         for material, image, share in _forgotten(materials)
     ]
 
@@ -62,7 +62,13 @@ def _forgotten(
     for material in dict.fromkeys(materials):
         surface = read_surface(material)
         texture = surface.color_texture
-        if material is None or surface.alpha_mode != "OPAQUE" or surface.gaps or texture is None or texture.image is None:
+        if (
+            material is None
+            or surface.alpha_mode != "OPAQUE"
+            or surface.gaps
+            or texture is None
+            or texture.image is None
+        ):
             continue
         if surface.unlit or texture.image.alpha_mode == "NONE" or _is_opaque(texture.image):
             continue

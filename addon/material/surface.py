@@ -210,12 +210,13 @@ def _with_color(viewport: Surface, color: Port, tree: bpy.types.NodeTree) -> Sur
 
 def _with_alpha(surface: Surface, alpha: Port | None, mask: Port | None, tree: bpy.types.NodeTree) -> Surface:
     """Add the alpha of a Principled BSDF, if it is one, or the mask that cuts it out."""
-    if alpha is None and mask is None:
+    shown = mask or alpha
+    if shown is None:
         return replace(surface, alpha=1.0, alpha_mode="OPAQUE")
     try:
         if mask is not None and alpha is not None and number_at(alpha) != 1.0:
             raise NotUnderstoodError("is cut out by a Mix Shader, too")
-        target, cutoff = cut(mask or alpha)
+        target, cutoff = cut(shown)
         product = product_of(target)
         _check_factor(product)
         if product.texture and surface.color_texture and not laid_alike(product.texture, surface.color_texture):

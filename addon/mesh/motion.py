@@ -43,8 +43,8 @@ def lost_motion(objects: Sequence[bpy.types.Object]) -> list[str]:
     if not found:
         return []
     return [
-        f"moving in the source: {'; '.join(found)}. The levels are baked at rest, and keep none of it: each is one mesh of "
-        f"all leaves. All levels sway together by the wind effect (`effects=+wind`)"
+        f"moving in the source: {'; '.join(found)}. The levels are baked at rest, and keep none of it: each is one "
+        f"mesh of all leaves. All levels sway together by the wind effect (`effects=+wind`)"
     ]
 
 

@@ -67,7 +67,7 @@ def coarser_by_form(parts: Sequence[Extent]) -> list[int]:
 
 _MOST_PARTS = 300
 _SAME_BOX, _SAME_AREA, _FEWER = 0.05, 1.5, 1.5
-"""Greatest distance of the faces of two boxes, in diagonals; greatest ratio of the areas; least ratio of the triangles."""
+"""Greatest distance of the faces of two boxes, in diagonals; greatest ratio of areas; least ratio of triangles."""
 
 
 _MOST_OF_PICTURE, _LIKE_TREE = 12, 0.7

@@ -428,7 +428,10 @@ _DOCUMENT = Record(
             ),
             most=100_000,
         ),
-        "buffers": Several(Record({"byteLength": Whole(1), "uri": Text(), "name": Text(), "extensions": _FALLBACK}, ("byteLength",)), most=1000),
+        "buffers": Several(
+            Record({"byteLength": Whole(1), "uri": Text(), "name": Text(), "extensions": _FALLBACK}, ("byteLength",)),
+            most=1000,
+        ),
         "images": Several(
             Record(
                 {"uri": Text(), "bufferView": Index("bufferViews"), "mimeType": Text(), "name": Text()},

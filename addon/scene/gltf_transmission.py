@@ -1,7 +1,7 @@
 """The glTF extension `KHR_materials_diffuse_transmission`, which Blender's importer does not read, as shader nodes.
 
-The extension mixes two shaders: (1 − factor) · base color is reflected, factor · color is transmitted. So the nodes are a
-Mix Shader of the imported Principled BSDF and a Translucent BSDF. Its factor is multiplied by the alpha, because a
+The extension mixes two shaders: (1 − factor) · base color is reflected, factor · color is transmitted. So the nodes are
+a Mix Shader of the imported Principled BSDF and a Translucent BSDF. Its factor is multiplied by the alpha, because a
 Translucent BSDF has none.
 """
 
@@ -36,7 +36,7 @@ def marked(source: GltfSource) -> GltfSource:
 
 
 def add_transmission(source: GltfSource) -> list[str]:
-    """Add the transmission of the file's materials to those that were imported with marks. Return what changed in it."""
+    """Add the transmission of the file's materials to those that were imported with marks. Return what changed."""
     notes = []
     for material in [each for each in bpy.data.materials if _MARK in each]:
         number = material.pop(_MARK)
@@ -45,8 +45,8 @@ def add_transmission(source: GltfSource) -> list[str]:
             _mix_in(material, source, found)
             if "diffuseTransmissionTexture" in found:
                 notes.append(
-                    f"material {material.name!r}: a texture varies how much light it transmits: the mean of the texture "
-                    f"is used"
+                    f"material {material.name!r}: a texture varies how much light it transmits: the mean of the "
+                    f"texture is used"
                 )
     return notes
 

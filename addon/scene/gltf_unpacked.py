@@ -1,4 +1,4 @@
-"""glTF files in the form that Blender's importer reads: numbers of meshoptimizer and textures of Basis Universal decoded.
+"""glTF files in the form that Blender's importer reads: without meshoptimizer's streams and Basis Universal's textures.
 
 Specifications: the glTF extensions `EXT_meshopt_compression`, `KHR_meshopt_compression` and `KHR_texture_basisu`.
 """

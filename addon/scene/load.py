@@ -1,7 +1,7 @@
 """Loader of files into an empty Blender: .blend, glTF, OBJ, and what else Blender has importers for.
 
-Blender's importers trust their input. So `gltf_checks`, `obj_checks` and `blend_checks` check files before that. Of other
-files only the imported meshes and images are checked.
+Blender's importers trust their input. So `gltf_checks`, `obj_checks` and `blend_checks` check files before that. Of
+other files only the imported meshes and images are checked.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .gltf_source import GltfSource
 from .gltf_transmission import add_transmission, marked
 from .gltf_unpacked import as_glb
 from .input_files import check_regular
-from .obj_corrections import Up, correct
 from .obj_checks import check_obj
+from .obj_corrections import Up, correct
 
 _Opener: TypeAlias = Callable[[Path], list[str]]
 
@@ -31,7 +31,9 @@ _Opener: TypeAlias = Callable[[Path], list[str]]
 def load(path: Path | str, up: Up = "auto") -> list[str]:
     """Open a file of a tree or a scene. Closes the current file and loads Blender's factory settings.
 
-    up: the axis of an .obj file that points up. Returns sentences about what the scene has not as the file. Raises `SceneError` for a missing file, another file type, a file that Blender cannot read, or vertices that are not
+    up: the axis of an .obj file that points up. Returns sentences about what the scene has not as the file.
+
+    Raises `SceneError` for a missing file, another file type, a file that Blender cannot read, or vertices that are not
     finite.
     """
     path, opener = _opener(Path(path), {**_importers(up), ".blend": _open_blend})
@@ -88,8 +90,11 @@ def _open_gltf(path: Path) -> list[str]:
 
 
 _READ = {
-    *(f"KHR_materials_{name}" for name in "unlit specular ior transmission volume clearcoat sheen anisotropy".split()),
-    *("KHR_materials_diffuse_transmission", "KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness"),
+    f"KHR_materials_{name}"
+    for name in (
+        *("unlit", "specular", "ior", "transmission", "volume", "clearcoat", "sheen", "anisotropy"),
+        *("diffuse_transmission", "emissive_strength", "pbrSpecularGlossiness"),
+    )
 }
 """Extensions of materials that are read, and those whose loss `material.losses` tells."""
 
@@ -145,16 +150,15 @@ def _open_other(path: Path, operator: Callable[..., set[str]]) -> list[str]:
 
 def _importers(up: Up) -> Mapping[str, _Opener]:
     """Return the function that imports files of each ending, with the importers that this Blender has."""
-    fbx = bpy.ops.wm.fbx_import if "fbx_import" in dir(bpy.ops.wm) else bpy.ops.import_scene.fbx
-    others = {".fbx": fbx, **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), bpy.ops.wm.usd_import)}
-    there = {end: partial(_open_other, operator=each) for end, each in others.items() if _exists(each)}
-    return {".glb": _open_gltf, ".gltf": _open_gltf, ".obj": partial(_open_obj, up=up), **there}
-
-
-def _exists(operator: Callable[..., set[str]]) -> bool:
-    """Return whether this Blender has the operator."""
-    module, name = operator.idname_py().split(".")
-    return name in dir(getattr(bpy.ops, module))
+    others: dict[str, _Opener] = {}
+    if "fbx_import" in dir(bpy.ops.wm):
+        others[".fbx"] = partial(_open_other, operator=bpy.ops.wm.fbx_import)
+    elif "fbx" in dir(bpy.ops.import_scene):
+        others[".fbx"] = partial(_open_other, operator=bpy.ops.import_scene.fbx)
+    if "usd_import" in dir(bpy.ops.wm):
+        usd = partial(_open_other, operator=bpy.ops.wm.usd_import)
+        others |= dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), usd)
+    return {".glb": _open_gltf, ".gltf": _open_gltf, ".obj": partial(_open_obj, up=up), **others}
 
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".fbx", ".usd", ".usda", ".usdc", ".usdz")

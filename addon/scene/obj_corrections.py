@@ -1,7 +1,7 @@
 """Corrections of an imported OBJ file: the axis that points up, gray masks, and the clear glass that exporters write.
 
-- OBJ files do not say which axis points up, and Blender's importer takes Y. A plant with its foot at 0 on Z, and with 0 in
-  the middle of X and Y, stands on Z.
+- OBJ files do not say which axis points up, and Blender's importer takes Y. A plant with its foot at 0 on Z, and with
+  0 in the middle of X and Y, stands on Z.
 - `map_d` is a mask. The importer takes the alpha of its image, which a gray image lacks.
 - `Tf 1 1 1` is clear glass, but exporters write it for everything.
 """
@@ -41,7 +41,9 @@ def correct(objects: Collection[bpy.types.Object], up: Up) -> list[str]:
 def _stands_on_z(objects: Collection[bpy.types.Object]) -> bool:
     """Return whether Z of the file points up. The importer has turned it to −Y."""
     bpy.context.view_layer.update()
-    corners = np.array([obj.matrix_world @ Vector(each) for obj in objects if obj.type == "MESH" for each in obj.bound_box])
+    corners = np.array(
+        [obj.matrix_world @ Vector(each) for obj in objects if obj.type == "MESH" for each in obj.bound_box]
+    )
     if not len(corners):
         return False
     x, y, z = corners[:, 0], corners[:, 2], -corners[:, 1]

@@ -39,8 +39,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         type=Path,
         nargs="+",
         metavar="FILE",
-        help="Input file: .glb, .gltf, .obj, .fbx, .usd or .blend. With several files, each is one tree unless --trees is given, "
-        "and only the first may be a .blend (default: the open scene)",
+        help="Input file: .glb, .gltf, .obj, .fbx, .usd or .blend. With several files, each is one tree unless --trees "
+        "is given, and only the first may be a .blend (default: the open scene)",
     )
     parser.add_argument(
         "--leaves",

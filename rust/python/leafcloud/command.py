@@ -33,7 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--against",
         type=Path,
         metavar="LEAVES.glb",
-        help="compare pictures and cost of drawing of each level, also of another tool, with the finest level of this file",
+        help="compare pictures and cost of drawing of each level, also of another tool, with the finest level of this "
+        "file",
     )
     inspecting.add_argument(
         "--json", action="store_true", help="print JSON in place of tables: of several files a list"

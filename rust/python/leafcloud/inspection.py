@@ -15,7 +15,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import FRAGMENTS_PER_TRIANGLE, Foliage, LeafcloudError, decode_image, drawing_cost, flip_map, keep, read_gltf, render
+from . import (
+    FRAGMENTS_PER_TRIANGLE,
+    Foliage,
+    LeafcloudError,
+    decode_image,
+    drawing_cost,
+    flip_map,
+    keep,
+    read_gltf,
+    render,
+)
 from ._coverage import kept_by_mips
 from ._glb import GlbFile, Picture, Unreadable
 
@@ -47,7 +57,8 @@ _REACH = 4
 class LevelRow:
     """A level of the file, or the whole scene of a file without levels.
 
-    number: of the level; None for levels of another tool, and without levels. attributes: of all meshes. vertex_bytes: with indices and morph targets.
+    number: of the level; None for levels of another tool, and without levels. attributes: of all meshes.
+    vertex_bytes: with indices and morph targets.
     """
 
     name: str
@@ -86,8 +97,8 @@ class Inspection:
 class Score:
     """A level beside the leaves in pictures of one size.
 
-    level: its name. size: of the pictures in pixels. flip: within 4 pixels of the silhouettes, in [0, 1]. coverage, cost: of drawing,
-    over those of the leaves.
+    level: its name. size: of the pictures in pixels. flip: within 4 pixels of the silhouettes, in [0, 1]. coverage,
+    cost: of drawing, over those of the leaves.
     """
 
     level: str
@@ -127,7 +138,10 @@ def _levels(file: GlbFile) -> list[tuple[str, int | None, list[int]]]:
     if len({*numbers.values()}) < 2:
         return [(file.path.stem, None, _shown(file))]
     inner = {below for node in numbers for below in _below(file, [node]) if below != node}
-    tops = {number: [node for node in numbers if numbers[node] == number and node not in inner] for number in numbers.values()}
+    tops = {
+        number: [node for node in numbers if numbers[node] == number and node not in inner]
+        for number in numbers.values()
+    }
     return [(_name(file, tops[number][0]), None, tops[number]) for number in sorted(tops) if tops[number]]
 
 

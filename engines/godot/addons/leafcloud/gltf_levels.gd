@@ -9,6 +9,10 @@ extends GLTFDocumentExtension
 ## its mesh, and in "trunk" the number of the first surface of the trunk.
 const META := &"leafcloud"
 
+## The extension with the places of a forest, and the metadata of level 0 that keeps them.
+const INSTANCING := "EXT_mesh_gpu_instancing"
+const PLACES := &"leafcloud_places"
+
 const LeafcloudTree := preload("leafcloud_tree.gd")
 const LeafTexture := preload("leaf_texture.gd")
 const ShadowProxy := preload("shadow_proxy.gd")
@@ -52,7 +56,7 @@ func _import_preflight(state: GLTFState, extensions: PackedStringArray) -> Error
 
 
 func _get_supported_extensions() -> PackedStringArray:
-	return ["MSFT_lod"]
+	return ["MSFT_lod", INSTANCING]
 
 
 func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node: Node) -> Error:
@@ -66,7 +70,46 @@ func _import_node(state: GLTFState, gltf_node: GLTFNode, json: Dictionary, node:
 		level["shares"] = tables["area_shares"]
 	level["trunk"] = int(tables.get("first_trunk_primitive", mesh["primitives"].size()))
 	node.set_meta(META, level)
+	if json.get("extensions", {}).has(INSTANCING):
+		var own := (node as Node3D).transform
+		var places := _instances(state, json["extensions"][INSTANCING]["attributes"])
+		# A place moves the tree from the origin; the file has the places within the node of level 0.
+		node.set_meta(PLACES, places.map(func(place: Transform3D) -> Transform3D: return own * place * own.affine_inverse()))
 	return OK
+
+
+## The transforms of instances within their node.
+static func _instances(state: GLTFState, attributes: Dictionary) -> Array[Transform3D]:
+	var moves := _numbers(state, attributes.get("TRANSLATION", -1))
+	var turns := _numbers(state, attributes.get("ROTATION", -1))
+	var scales := _numbers(state, attributes.get("SCALE", -1))
+	var found: Array[Transform3D] = []
+	for i in maxi(moves.size() / 3, maxi(turns.size() / 4, scales.size() / 3)):
+		var turn := Basis.IDENTITY
+		if not turns.is_empty():
+			turn = Basis(Quaternion(turns[4 * i], turns[4 * i + 1], turns[4 * i + 2], turns[4 * i + 3]).normalized())
+		var scale := Vector3.ONE
+		if not scales.is_empty():
+			scale = Vector3(scales[3 * i], scales[3 * i + 1], scales[3 * i + 2])
+		var move := Vector3.ZERO
+		if not moves.is_empty():
+			move = Vector3(moves[3 * i], moves[3 * i + 1], moves[3 * i + 2])
+		found.append(Transform3D(turn * Basis.from_scale(scale), move))
+	return found
+
+
+## The numbers of an accessor in single precision; none of another kind, or without one.
+static func _numbers(state: GLTFState, number: int) -> PackedFloat32Array:
+	if number < 0:
+		return PackedFloat32Array()
+	var accessor: Dictionary = state.json["accessors"][number]
+	if accessor["componentType"] != 5126:
+		push_warning("Leafcloud: the places of the forest are not in single precision. Export the forest again.")
+		return PackedFloat32Array()
+	var view: GLTFBufferView = state.buffer_views[int(accessor["bufferView"])]
+	var width := 4 if accessor["type"] == "VEC4" else 3
+	var start := int(accessor.get("byteOffset", 0))
+	return view.load_buffer_view_data(state).slice(start, start + 4 * width * int(accessor["count"])).to_float32_array()
 
 
 func _import_post(state: GLTFState, root: Node) -> Error:

@@ -3,10 +3,13 @@ class_name LeafcloudForest
 extends Node3D
 ## Many copies of one tree, each with the level for its own distance from the camera: one MultiMesh for each level.
 ##
-## Set `tree` and `places`, or call `plant`. Trees are sorted into levels again when the camera has moved, which takes
+## The root of an imported NAME_forest.glb gets this script. Or set `tree` and `places`, or call `plant`. Trees are sorted into levels again when the camera has moved, which takes
 ## some milliseconds for a thousand trees.
 
 const Levels := preload("leafcloud_tree.gd")
+
+## Metadata of level 0 with the places of a forest.
+const PLACES := &"leafcloud_places"
 
 ## A scene that was imported from a GLB file of Leafcloud. Of several trees in it, each place has all.
 @export var tree: PackedScene:
@@ -39,6 +42,38 @@ var _levels: Array[Dictionary] = []
 var _sorted_from := Vector3.ZERO
 var _sorted_at := Transform3D.IDENTITY
 var _factor := 0.0
+
+
+## Reads NAME_forest.glb while the game runs, from any folder. Null, with an error in the log, if it cannot be read or has
+## no forest. Not for several threads at a time.
+static func load_glb(path: String) -> LeafcloudForest:
+	var scene := Levels.load_glb(path)
+	if scene == null:
+		return null
+	adopt(scene)
+	var root: Node = scene
+	if not root is LeafcloudForest:
+		push_error("%s has no forest. Load the file of Export Forest, which ends in _forest.glb." % path)
+		root.free()
+		return null
+	return root as LeafcloudForest
+
+
+## Makes the root of a scene with levels and places a forest. Its tree is that scene.
+static func adopt(scene: Node) -> void:
+	var planted: Array[Transform3D] = []
+	for levels in Levels.trees_of(scene):
+		planted.assign(levels[0].get_meta(PLACES, planted))
+	if planted.is_empty():
+		return
+	var packed := PackedScene.new()
+	packed.pack(scene)
+	for child in scene.get_children():
+		scene.remove_child(child)
+		child.free()
+	scene.set_script(LeafcloudForest)
+	scene.set("tree", packed)
+	scene.set("places", planted)
 
 
 func _ready() -> void:
