@@ -37,6 +37,11 @@ def write_forest(tree_file: Path, forest_file: Path, places: NDArray[np.float64]
 
     Raises `ExportError` if the chain cannot be read, is none, or has another scale along each axis.
     """
+    if not tree_file.is_file():
+        raise ExportError(
+            f"{tree_file.name} is not in {tree_file.parent}: choose the folder with the files of all trees of the "
+            f"forest, or export the tree there"
+        )
     try:
         glb = Glb.read(tree_file)
         node = next(each for each in glb.document["nodes"] if "level" in _numbers(each))

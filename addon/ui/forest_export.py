@@ -30,7 +30,9 @@ class LEAFCLOUD_OT_export_forest(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     directory: StringProperty(
-        name="Folder", description="Folder with the trees' files, exported for the same engine", subtype="DIR_PATH"
+        name="Folder",
+        description="Folder with the files of all trees of the forest, exported for the same engine",
+        subtype="DIR_PATH",
     )
 
     @classmethod

@@ -217,11 +217,14 @@ def _area(obj: bpy.types.Object) -> float:
 
 
 def _count_words(context: bpy.types.Context) -> str:
-    """Return how many trees the object gets, without mask, slope and modifiers; empty where that is not known."""
+    """Return how many trees the object gets, without modifiers; empty where that is not known."""
     density, points = _density(context), _points(context)
     if points is None or density == 0.0 or _area(points) == 0.0:
         return ""
-    return f"about {density * _area(points):,.0f} trees, {length_words(density**-0.5)} apart"
+    wanted = context.scene.leafcloud_forest
+    fewer = wanted.mask or wanted.slope < _POINTS.slope
+    words = f"{density * _area(points):,.0f} trees, {length_words(density**-0.5)} apart"
+    return f"at most {words}: fewer by Mask and Slope" if fewer else f"about {words}"
 
 
 def _problem(context: bpy.types.Context) -> str:

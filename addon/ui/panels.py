@@ -34,7 +34,8 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         words = selection_words(context)
-        layout.label(text=words or "Select leaves and trunk of a tree", icon="OUTLINER_OB_MESH" if words else "INFO")
+        icon = "OUTLINER_OB_MESH" if words else "INFO"
+        add_text(layout, context, words or "Select leaves and trunk of a tree", icon)
         if not words:
             layout.operator("leafcloud.sample")
             layout.operator("leafcloud.import_folder")

@@ -1,7 +1,8 @@
 """The selection in a few words, for the first line of the panel: "Oak: 5,320 leaves, trunk".
 
-Leaves are counted in the objects' own meshes, when the selection changes. A selection with modifiers, instances or many
-faces is told by its number of objects: evaluating it would stop the interface.
+Leaves are counted in the objects' own meshes, when the selection changes; of large meshes their faces, where names tell
+the leaves. A selection with modifiers or instances is told by its number of objects: evaluating it would stop the
+interface.
 """
 
 from __future__ import annotations
@@ -24,7 +25,10 @@ from .properties import leaf_names
 from .selection import with_children
 
 _MOST_FACES, _MOST_OBJECTS = 30_000, 150
-"""Faces and objects that are counted in a tenth of a second."""
+"""Faces and objects whose leaves are counted in a tenth of a second."""
+
+_MOST_NAMED = 3_000_000
+"""Faces that are counted by their materials in a tenth of a second."""
 
 _NO_LEAVES = "no leaves found, name them in Levels"
 
@@ -99,14 +103,17 @@ def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> 
     plain = all(obj.type in ("MESH", "EMPTY") and not obj.modifiers and obj.instance_type == "NONE" for obj in objects)
     left_out = set(coarser([(obj.name, *names_around(obj)) for obj in meshes]))
     meshes = [obj for number, obj in enumerate(meshes) if number not in left_out]
-    if not plain or not meshes or sum(map(_faces, meshes)) > _MOST_FACES or len(meshes) > _MOST_OBJECTS:
-        return f"{count} object{'s' if count > 1 else ''}"
+    faces, unknown = sum(map(_faces, meshes)), f"{count} object{'s' if count > 1 else ''}"
+    if not plain or not meshes or faces > _MOST_NAMED or len(meshes) > _MOST_OBJECTS:
+        return unknown
+    if faces > _MOST_FACES:
+        return _named_faces(meshes, names) or unknown
     corners = [[(obj.matrix_world @ Vector(corner)).z for corner in obj.bound_box] for obj in meshes]
     ground = ground_of(list(map(min, corners)), list(map(max, corners)))
     try:
         pieces = [piece for obj in meshes for piece in _pieces(obj, ground)]
     except SceneError:  # A material with too many nodes: the bake tells.
-        return f"{count} object{'s' if count > 1 else ''}"
+        return unknown
     parts, shapes = [part for part, _ in pieces], [shape for _, shape in pieces]
     try:
         choice = choose_by_names(parts, names) or choose_by_shape(parts, shapes)
@@ -114,6 +121,28 @@ def _parts(objects: Sequence[bpy.types.Object], names: Sequence[str] | None) -> 
         return "no leaves of that name" if names else _NO_LEAVES
     leaves = sum(len(shapes[i].sizes) for i in choice.indices)
     return f"{leaves:,} {'leaf' if leaves == 1 else 'leaves'}{', trunk' if len(choice.indices) < len(pieces) else ''}"
+
+
+def _named_faces(meshes: Sequence[bpy.types.Object], names: Sequence[str] | None) -> str:
+    """Return the number of the leaves' faces in words; empty where no name tells the leaves."""
+    parts = [part for obj in meshes for part in _slots(obj)]
+    try:
+        choice = choose_by_names(parts, names)
+    except LeavesError:
+        return "no leaves of that name"
+    if choice is None:
+        return ""
+    faces = sum(parts[i].triangles for i in choice.indices)
+    return f"leaves of {faces:,} faces{', trunk' if len(choice.indices) < len(parts) else ''}"
+
+
+def _slots(obj: bpy.types.Object) -> list[MaterialPart]:
+    """Return the parts of a mesh object by materials, with their faces for triangles."""
+    materials = _materials(obj)
+    numbers = np.zeros(len(obj.data.polygons), np.int32)
+    obj.data.polygons.foreach_get("material_index", numbers)
+    faces = np.bincount(numbers.clip(0, len(materials) - 1), minlength=len(materials)).tolist()
+    return [MaterialPart(obj.name, name, count) for name, count in zip(materials, faces, strict=True) if count]
 
 
 def _pieces(obj: bpy.types.Object, ground: float) -> list[tuple[MaterialPart, Shape]]:

@@ -50,7 +50,7 @@ class LEAFCLOUD_PT_trees(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         trees = baked_trees(context.scene)
         grid = self.layout.grid_flow(row_major=True, columns=4, align=True)
-        for heading in ("Tree", "Triangles", "Last", "Error"):
+        for heading in ("Tree", "Triangles", "Farthest", "Error"):
             grid.label(text=heading)
         for tree in trees[:MOST_ROWS]:
             icon = "ERROR" if warnings_of(tree) else "NONE"
