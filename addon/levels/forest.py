@@ -20,11 +20,12 @@ from mathutils import Matrix, Vector
 from numpy.typing import NDArray
 
 from ..mesh.baked_levels import EXTRAS
-from ..nodes.forest import MOST_VARIANTS, ForestSettings, add_forest_modifier
+from ..nodes.forest import GROUP_NAME, MOST_VARIANTS, ForestSettings, add_forest_modifier
 from ..nodes.laws import NEVER
 from ..nodes.sides import add_side_modifier
 from ..nodes.wind import WindSettings, add_wind_modifier
 from ..plan.pruning import halvings
+from ..versions import get_modifier_input, has_modifier_input
 from .building import BuiltLevel
 from .rollback import removed_on_failure
 
@@ -60,6 +61,19 @@ class Forest:
         width, far, kind: as in `ForestSettings`.
         """
         return add_forest_modifier(obj, self.variants, ForestSettings(self.distances, self.centre, width, far, kind))
+
+
+def remove_forests(obj: bpy.types.Object) -> None:
+    """Remove the forests planted on an object, with the variants that nothing else uses."""
+    planted = [each for each in obj.modifiers if each.name.startswith(GROUP_NAME)]
+    variants = {get_modifier_input(each, "Variants") for each in planted if has_modifier_input(each, "Variants")}
+    for modifier in planted:
+        obj.modifiers.remove(modifier)
+    for collection in [each for each in variants if each is not None and each.users == 0]:
+        objects = list(collection.all_objects)
+        meshes = {each.data for each in objects}
+        bpy.data.batch_remove([*objects, *collection.children_recursive, collection])
+        bpy.data.batch_remove([mesh for mesh in meshes if mesh.users == 0])
 
 
 def build_forest(

@@ -13,6 +13,9 @@ import leafcloud
 _KEY = "leafcloud_results"
 """The custom property of a collection of levels: a list of results as JSON."""
 
+_PIXELS = "leafcloud_pixels"
+"""The custom property of a collection of levels: pixels of a unit at the distance of a unit in the view of the bake."""
+
 _WARNINGS = "leafcloud_warnings"
 """The custom property of a collection of levels: a list of texts as JSON."""
 
@@ -45,6 +48,16 @@ class LevelResult:
 def keep_results(collection: bpy.types.Collection, results: Iterable[LevelResult]) -> None:
     """Store the results of all levels, the leaves first."""
     collection[_KEY] = json.dumps([asdict(each) for each in results])
+
+
+def keep_view(collection: bpy.types.Collection, pixels: float) -> None:
+    """Store how large the view of the bake shows things: pixels of a unit at the distance of a unit."""
+    collection[_PIXELS] = pixels
+
+
+def magnification(collection: bpy.types.Collection, pixels: float) -> float:
+    """Return how many times larger a view shows the tree than the view of its bake; 1 if that is unknown."""
+    return pixels / float(collection.get(_PIXELS, pixels))
 
 
 def keep_warnings(collection: bpy.types.Collection, warnings: Iterable[str]) -> None:

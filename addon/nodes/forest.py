@@ -5,10 +5,11 @@ collections; collections hold leaves and trunk, which share their meshes with ot
 origin of each instance. d is the distance from the scene's active camera to the tree's center in the tree's own
 coordinates, so a tree of twice the size switches at twice the distance. u is the point's random number in [0, 1):
 
-    level = the number of distances D₁ … D₁₅ that are at most d / (1 + width·u)
+    level = the number of distances D₁ … D₁₅ that are at most d / (f · (1 + width·u))
 
-So a tree switches between D and (1 + width)·D, never nearer than D, and neighbors do not switch together. u depends on
-the points' attribute `id`, which scattering nodes store, else on their index. It does not change when the camera moves.
+f is the input LOD Distance. So a tree switches between f·D and f·(1 + width)·D, never nearer than f·D, and neighbors do
+not switch together. u depends on the points' attribute `id`, which scattering nodes store, else on their index. It does
+not change when the camera moves.
 Points may have the attributes `rotation` (rotation or Euler angles) and `scale` (number or vector).
 
 With a Kind of at least 0 the trees stand on the points of point clouds with this Kind as attribute `leafcloud_kind`
@@ -27,14 +28,24 @@ from functools import reduce
 import bpy
 
 from .builder import Section
-from .laws import LENGTH, NEVER, SHARE, CameraNodes, add_modifier, declare, group_of_layout
+from .laws import (
+    LENGTH,
+    NEVER,
+    SHARE,
+    CameraNodes,
+    add_modifier,
+    declare,
+    declare_factor,
+    given_factor,
+    group_of_layout,
+)
 from .points import KIND
 
 GROUP_NAME = "Leafcloud Forest"
 MOST_VARIANTS = 16
 
 _LAYOUT_KEY = "leafcloud_forest_layout"
-_LAYOUT = 3
+_LAYOUT = 4
 """Version stored in the group. Increase it when inputs or laws change: files made earlier then keep their group."""
 
 
@@ -119,6 +130,7 @@ def _add_interface(tree: bpy.types.NodeTree) -> None:
     declare(tree, "Kind", "Int", kind, default_value=-1, min_value=-1)
 
     panel = tree.interface.new_panel("Distances", default_closed=True)
+    declare_factor(tree, panel)
     for number in range(1, MOST_VARIANTS):
         description = f"Distance where variant {number} takes over. The finest is variant 0"
         declare(tree, _from(number), "Float", description, panel, default_value=NEVER, **LENGTH)
@@ -181,7 +193,8 @@ def _level(section: Section, distance: bpy.types.NodeSocket) -> bpy.types.NodeSo
     own = section.result("FunctionNodeRandomValue", 0.0, 1.0, label="u", data_type="FLOAT")
     width = section.math("MAXIMUM", section.group_input("Width"), 0.0, label="Width")
     late = section.math("MULTIPLY_ADD", width, own, 1.0, label="1 + width·u")
-    seen = section.math("DIVIDE", distance, late, label="d / (1 + width·u)")
+    factor = section.math("MULTIPLY", given_factor(section), late, label="f · (1 + width·u)")
+    seen = section.math("DIVIDE", distance, factor, label="d / (f · (1 + width·u))")
     reached = [
         section.compare(seen, "GREATER_EQUAL", section.group_input(_from(number)), label=f"At least {_from(number)}?")
         for number in range(1, MOST_VARIANTS)

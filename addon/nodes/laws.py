@@ -126,16 +126,19 @@ class CameraNodes:
 def camera_distance(section: Section, camera: CameraNodes) -> bpy.types.NodeSocket:
     """Return d to the input Centre, in the object's coordinates, divided by the input LOD Distance and by `_staggered`.
 
-    0 without a camera: the level is at rest, unpruned. A LOD Distance of 0 counts as 1: a driver gives 0 where its
-    source is gone, as after the deletion of a root.
+    0 without a camera: the level is at rest, unpruned.
     """
     distance = camera.distance(section, camera.location, section.group_input("Centre"), label="Distance")
+    factor = section.math("MULTIPLY", given_factor(section), _staggered(section), label="Factor")
+    return section.math("MINIMUM", section.math("DIVIDE", distance, factor), NEVER * 0.99, label="Distance d")
+
+
+def given_factor(section: Section) -> bpy.types.NodeSocket:
+    """Return the input LOD Distance. 0 counts as 1: a driver gives 0 where its source is gone, as after a deletion."""
     given = section.group_input(LOD_DISTANCE)
     positive = section.compare(given, "GREATER_THAN", 0.0, label="Is it given?")
     least = section.math("MAXIMUM", given, NEAREST, label="At least")
-    given = section.switch("FLOAT", positive, 1.0, least, label=LOD_DISTANCE)
-    factor = section.math("MULTIPLY", given, _staggered(section), label="Factor")
-    return section.math("MINIMUM", section.math("DIVIDE", distance, factor), NEVER * 0.99, label="Distance d")
+    return section.switch("FLOAT", positive, 1.0, least, label=LOD_DISTANCE)
 
 
 def _staggered(section: Section) -> bpy.types.NodeSocket:

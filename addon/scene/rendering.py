@@ -1,4 +1,4 @@
-"""Find and correct scene settings that darken or hide plants: transparent bounces, Clip End, Transparent Shadows."""
+"""Find and correct settings that show plants wrongly: transparent bounces, lens, Clip End, Transparent Shadows."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import bpy
 from mathutils import Vector
 
 from ..material.surface import read_surface
+from ..nodes.laws import LOD_DISTANCE
 
 BOUNCES = 64
 """Transparent bounces that show crowns as without a limit. 8 darken crowns of leaf cards by up to a quarter, 32 by half
@@ -27,8 +28,35 @@ def faults(
     scene: bpy.types.Scene, place: Vector, radius: float, materials: Sequence[bpy.types.Material | None]
 ) -> list[Fault]:
     """Return the faults of a scene for a plant: its center and radius in world units, and its materials."""
-    found = [_bounces(scene), _clip_end(scene.camera, place, radius), *map(_shadows, dict.fromkeys(materials))]
-    return [fault for fault in found if fault is not None]
+    found = [_clip_end(scene.camera, place, radius), *map(_shadows, dict.fromkeys(materials))]
+    return [*faults_of_all(scene), *(fault for fault in found if fault is not None)]
+
+
+def faults_of_all(scene: bpy.types.Scene) -> list[Fault]:
+    """Return the faults of a scene for all plants."""
+    fault = _bounces(scene)
+    return [] if fault is None else [fault]
+
+
+def lens_fault(root: bpy.types.Object, magnification: float) -> list[Fault]:
+    """Return the fault of a camera that shows a tree larger than its levels were made for; empty if it does not.
+
+    An artist's own LOD Distance is left alone.
+    """
+    if magnification < _MAGNIFIED or root.get(LOD_DISTANCE) != 1.0:
+        return []
+
+    def mend() -> None:
+        root[LOD_DISTANCE] = magnification
+        root.update_tag()
+
+    said = (
+        f"The camera shows trees {magnification:.1f} × larger than the levels were made for, so they take over too near"
+    )
+    return [Fault(f"{said}: {LOD_DISTANCE} {magnification:.1f} fits", mend)]
+
+
+_MAGNIFIED = 1.1
 
 
 def allow_bounces(scene: bpy.types.Scene) -> None:

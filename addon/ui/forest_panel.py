@@ -7,17 +7,20 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ..bake.pipeline import view_of
 from ..levels.baked_trees import LeafPruning, baked_tree, leaf_pruning, tree_collections
-from ..levels.forest import Forest, build_forest
+from ..levels.forest import Forest, build_forest, remove_forests
 from ..levels.planting import apply_scale, area_of, is_ground, is_scaled, may_apply_scale, usual_density, width_of
 from ..levels.rollback import removed_on_failure
+from ..levels.root import root_of
 from ..mesh.baked_levels import level_number
-from ..nodes.forest import GROUP_NAME, ForestSettings
-from ..nodes.laws import NEVER
+from ..nodes.forest import ForestSettings
+from ..nodes.laws import LOD_DISTANCE, NEVER
 from ..nodes.points import GROUP_NAME as POINTS_NAME
 from ..nodes.points import PointSettings, add_points_modifier
+from ..versions import drive_modifier_input
 from ..viewport.labels import length_words
 from .job_operator import BUSY, running
 from .properties import with_labels
+from .rendering import draw_faults
 from .wrapped import add_text
 
 _DEFAULTS, _POINTS = ForestSettings(()), PointSettings(smallest=0.8, largest=1.2)
@@ -127,7 +130,8 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
         assert points is not None, "poll refuses without points"
         try:
             with removed_on_failure():
-                forests = [_build(context, tree) for tree in _trees(context)]
+                trees = _trees(context)
+                forests = [_build(context, tree) for tree in trees]
         except ValueError as error:
             self.report({"ERROR"}, with_labels(str(error)))
             return {"CANCELLED"}
@@ -135,11 +139,15 @@ class LEAFCLOUD_OT_forest(bpy.types.Operator):
         settings, count = _point_settings(context, len(forests)), _count_words(context)
         if is_scaled(points):
             apply_scale(points)
-        for modifier in [each for each in points.modifiers if each.name.startswith((GROUP_NAME, POINTS_NAME))]:
+        remove_forests(points)
+        for modifier in [each for each in points.modifiers if each.name.startswith(POINTS_NAME)]:
             points.modifiers.remove(modifier)
         add_points_modifier(points, settings)
-        for kind, forest in enumerate(forests):
-            forest.plant(points, width=wanted.width, far=wanted.far or NEVER, kind=kind)
+        for kind, (tree, forest) in enumerate(zip(trees, forests, strict=True)):
+            forest.variants.name = f"{tree.name}_forest"
+            modifier = forest.plant(points, width=wanted.width, far=wanted.far or NEVER, kind=kind)
+            if (root := root_of(tree)) is not None and LOD_DISTANCE in root:
+                drive_modifier_input(modifier, LOD_DISTANCE, root, f'["{LOD_DISTANCE}"]')
         kinds = ", ".join(forest.variants.name.removesuffix("_forest") for forest in forests)
         said = count or ("by density" if settings.density else "a tree on each point")
         self.report({"INFO"}, f"Planted {kinds} on {points.name}: {said}")
@@ -182,6 +190,7 @@ class LEAFCLOUD_PT_forest(bpy.types.Panel):
         if count and not _problem(context):
             add_text(layout, context, count, "INFO")
         layout.operator("leafcloud.forest")
+        draw_faults(layout, context, _trees(context))
         layout.operator("leafcloud.export_forest")
 
 
@@ -223,7 +232,7 @@ def _count_words(context: bpy.types.Context) -> str:
         return ""
     wanted = context.scene.leafcloud_forest
     fewer = wanted.mask or wanted.slope < _POINTS.slope
-    words = f"{density * _area(points):,.0f} trees, {length_words(density**-0.5)} apart"
+    words = f"{density * _area(points):,.0f} trees, {length_words(density**-0.5)} apart on the average"
     return f"at most {words}: fewer by Mask and Slope" if fewer else f"about {words}"
 
 
@@ -260,16 +269,18 @@ def _points(context: bpy.types.Context) -> bpy.types.Object | None:
 
 def _build(context: bpy.types.Context, collection: bpy.types.Collection) -> Forest:
     """Build the forest of a tree, with pruned variants if the tree was baked for pruning."""
-    tree = baked_tree(collection)
+    tree, root = baked_tree(collection), root_of(collection)
+    # The forest follows the root's LOD Distance by a driver.
+    factor = 1.0 if root is None else float(root.get(LOD_DISTANCE, 1.0))
     leaves, pruning = tree.levels[0].object, LeafPruning(NEVER)
     if "leaf_rank" in leaves.data.attributes:
         pruning = leaf_pruning(leaves, context.scene.leafcloud.prune_pixels, view_of(context.scene))
     return build_forest(
         tree.levels,
         f"{collection.name}_forest",
-        switch_distances=tree.switch_distances,
+        switch_distances=[each / factor for each in tree.switch_distances],
         centre=tree.centre,
-        prune_start=pruning.start * tree.scale if pruning.measured else NEVER,
+        prune_start=pruning.start * tree.scale / factor if pruning.measured else NEVER,
         prune_half=pruning.half,
         growth=pruning.growth,
     )

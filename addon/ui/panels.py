@@ -34,9 +34,10 @@ class LEAFCLOUD_PT_bake(bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         words = selection_words(context)
-        icon = "OUTLINER_OB_MESH" if words else "INFO"
-        add_text(layout, context, words or "Select leaves and trunk of a tree", icon)
-        if not words:
+        if words:
+            add_text(layout, context, words, "OUTLINER_OB_MESH")
+        else:
+            layout.label(text="Select leaves and trunk of a tree", icon="INFO")
             layout.operator("leafcloud.sample")
             layout.operator("leafcloud.import_folder")
         column = layout.column(align=True)

@@ -1,20 +1,26 @@
-"""Lines of the tree's panel about settings that show the tree wrongly, and the button that mends them."""
+"""Lines of the panels about settings that show trees wrongly, and the button that mends them."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import bpy
 from mathutils import Vector
 
+from ..bake.pipeline import view_of
+from ..levels.baked_trees import tree_collections
 from ..levels.placed_tree import place_of
+from ..levels.results import magnification
 from ..levels.root import root_of
 from ..mesh.baked_levels import levels_and_trunks
-from ..scene.rendering import Fault, faults
-from .on_tree import OnTree, active_tree
+from ..plan.camera_visibility import pixels_of
+from ..scene.rendering import Fault, faults, faults_of_all, lens_fault
+from .on_tree import InObjectMode, active_tree
 from .wrapped import add_text
 
 
-class LEAFCLOUD_OT_mend_rendering(OnTree, bpy.types.Operator):
-    """Change the settings that show this tree wrongly"""
+class LEAFCLOUD_OT_mend_rendering(InObjectMode, bpy.types.Operator):
+    """Change what the lines above name: of the render settings, the camera, the materials and the trees"""
 
     bl_idname = "leafcloud.mend_rendering"
     bl_label = "Mend"
@@ -22,22 +28,30 @@ class LEAFCLOUD_OT_mend_rendering(OnTree, bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         tree = active_tree(context)
-        assert tree is not None, "poll refuses without a tree"
-        for fault in _faults_of(tree, context.scene):
+        for fault in _faults_of(tree_collections(context.scene.objects) if tree is None else [tree], context.scene):
             fault.mend()
         return {"FINISHED"}
 
 
-def draw_faults(layout: bpy.types.UILayout, context: bpy.types.Context, tree: bpy.types.Collection) -> None:
+def draw_faults(layout: bpy.types.UILayout, context: bpy.types.Context, trees: Sequence[bpy.types.Collection]) -> None:
     """Add a line for each fault, and the button below them."""
-    found = _faults_of(tree, context.scene)
-    for fault in found:
-        add_text(layout, context, fault.text, "ERROR")
-    if found:
+    texts = dict.fromkeys(fault.text for fault in _faults_of(trees, context.scene))
+    for text in texts:
+        add_text(layout, context, text, "ERROR")
+    if texts:
         layout.operator("leafcloud.mend_rendering")
 
 
-def _faults_of(tree: bpy.types.Collection, scene: bpy.types.Scene) -> list[Fault]:
+def _faults_of(trees: Sequence[bpy.types.Collection], scene: bpy.types.Scene) -> list[Fault]:
+    """Return what is wrong with each of the trees alone, and with one of them alone also with its place."""
+    pixels = pixels_of(1.0, 1.0, view_of(scene))
+    roots = ((tree, root_of(tree)) for tree in trees if scene.camera is not None)
+    lenses = [fault for tree, root in roots if root for fault in lens_fault(root, magnification(tree, pixels))]
+    of_place = _faults_of_tree(trees[0], scene) if len(trees) == 1 else faults_of_all(scene)
+    return [*lenses, *of_place]
+
+
+def _faults_of_tree(tree: bpy.types.Collection, scene: bpy.types.Scene) -> list[Fault]:
     if root_of(tree) is None:
         return []  # Of an earlier version.
     objects = [obj for _, obj in levels_and_trunks(tree.all_objects)]

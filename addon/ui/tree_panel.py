@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import bpy
 from bpy.props import IntProperty
 
@@ -127,7 +129,7 @@ class LEAFCLOUD_PT_tree(bpy.types.Panel):
         column.operator("leafcloud.select_billboard")
         for warning in warnings_of(tree):
             add_text(layout, context, warning, "ERROR")
-        draw_faults(layout, context, tree)
+        draw_faults(layout, context, [tree])
         draw_figures(layout, context, tree)
 
 
@@ -135,6 +137,8 @@ def draw_figures(layout: bpy.types.UILayout, context: bpy.types.Context, tree: b
     """Draw the picture and the figures of each level."""
     objects = {level_number(obj): obj for obj in tree.all_objects}
     _, radius = crown_of(tree)
+    root = root_of(tree)
+    factor = 1.0 if root is None else float(root.get(LOD_DISTANCE, 1.0))
     for number, result in enumerate(results_of(tree)):
         row = layout.split(factor=_PICTURE)
         picture = thumbnail_of(objects[number]) if number in objects else 0
@@ -144,6 +148,7 @@ def draw_figures(layout: bpy.types.UILayout, context: bpy.types.Context, tree: b
         heading.label(text=result.name)
         if active_tree(context) == tree:
             heading.operator("leafcloud.frame_level", text="", icon="ZOOM_SELECTED", emboss=False).level = number
+        result = replace(result, distance=factor * result.distance)
         for text in figures_of(result, picture_share(radius, result.distance, context.scene)):
             column.label(text=text)
 

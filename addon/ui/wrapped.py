@@ -8,12 +8,12 @@ import bpy
 
 _MARGINS, _LETTER = 80.0, 6.6
 """Width of a panel's margins and of a letter, in pixels at 100 % interface scale."""
-_FEWEST = 16
+_FEWEST, _USUAL = 16, 280
 
 
 def add_text(layout: bpy.types.UILayout, context: bpy.types.Context, text: str, icon: str = "BLANK1") -> None:
     """Add the text as labels that are as wide as the region. The icon stands before the first one."""
-    width = context.region.width / context.preferences.system.ui_scale
+    width = _USUAL if context.region is None else context.region.width / context.preferences.system.ui_scale
     letters = max(int((width - _MARGINS) / _LETTER), _FEWEST)
     column = layout.column(align=True)
     for number, line in enumerate(textwrap.wrap(text, letters)):

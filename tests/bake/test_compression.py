@@ -125,19 +125,24 @@ def test_streams_of_other_contents_are_refused() -> None:
     rows = np.random.default_rng(1).integers(0, 255, (300, 12), np.uint8)
     triangles = np.array([[0, 1, 2], [2, 1, 3]], np.uint32)
     stream, corners = leafcloud.compress_rows(rows), leafcloud.compress_triangles(triangles)
-    assert np.array_equal(leafcloud.decompress_rows(stream, 300, 12), rows)
-    assert leafcloud.decompress_triangles(corners, 2).shape == (2, 3)
+    assert leafcloud.decompress(stream, 300, 12) == rows.tobytes()
+    assert leafcloud.decompress(corners, 6, 4, "TRIANGLES") == triangles.tobytes()
+    assert leafcloud.decompress(corners, 6, 2, "TRIANGLES") == triangles.astype("<u2").tobytes()
     wrong: list[Callable[[], object]] = [
         lambda: leafcloud.compress_rows(rows[:, :7]),
-        lambda: leafcloud.decompress_rows(stream, 400, 12),
-        lambda: leafcloud.decompress_rows(stream[:40], 300, 12),
-        lambda: leafcloud.decompress_rows(b"", 1, 4),
-        lambda: leafcloud.decompress_rows(stream, 2**60, 16),
-        lambda: leafcloud.decompress_triangles(corners, 2**62),
-        lambda: leafcloud.decompress_triangles(stream, 100),
+        lambda: leafcloud.decompress(stream, 400, 12),
+        lambda: leafcloud.decompress(stream[:40], 300, 12),
+        lambda: leafcloud.decompress(b"", 1, 4),
+        lambda: leafcloud.decompress(stream, 2**60, 16),
+        lambda: leafcloud.decompress(stream, 300, 11),
+        lambda: leafcloud.decompress(corners, 2**62, 4, "TRIANGLES"),
+        lambda: leafcloud.decompress(stream, 300, 4, "TRIANGLES"),
+        lambda: leafcloud.decompress(corners, 5, 4, "TRIANGLES"),
+        lambda: leafcloud.decompress(corners, 6, 4, "OTHER"),
+        lambda: leafcloud.decompress(stream, 300, 12, filter="QUATERNION"),
     ]
     for each in wrong:
-        with pytest.raises(leafcloud.LeafcloudError, match=r"stream|rows have"):
+        with pytest.raises(leafcloud.LeafcloudError, match=r"stream|rows have|the mode|the filter"):
             each()
 
 
@@ -152,3 +157,15 @@ def test_three_js_draws_compressed_and_plain_files_alike(folders: dict[str, Path
         assert (plain["pixels"][..., 3] > 0).any()
         differs = np.abs(plain["pixels"].astype(int) - packed["pixels"]).max(axis=-1) > 24
         assert differs.sum() <= 0.02 * (plain["pixels"][..., 3] > 0).sum() + 3
+
+
+def test_filters_of_streams_are_undone() -> None:
+    """By the extension's formulas: 2^e · m of 8 and 24 bits, the octahedron's point (0, 0) is the axis z."""
+    words = np.array([[3 | 2 << 24], [(1 << 24) - 5 | 0xFF << 24]], np.uint32)
+    stream = leafcloud.compress_rows(words.view(np.uint8))
+    floats = np.frombuffer(leafcloud.decompress(stream, 2, 4, filter="EXPONENTIAL"), "<f4")
+    assert floats.tolist() == [12.0, -2.5]
+    axes = np.array([(0, 0, 127, 5), (127, 0, 127, 9)], np.int8)
+    stream = leafcloud.compress_rows(axes.view(np.uint8))
+    found = np.frombuffer(leafcloud.decompress(stream, 2, 4, filter="OCTAHEDRAL"), np.int8).reshape(2, 4)
+    assert found.tolist() == [[0, 0, 127, 5], [127, 0, 0, 9]]

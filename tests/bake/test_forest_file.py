@@ -101,7 +101,7 @@ def test_trees_stand_where_blender_draws_them(
 
 def test_a_forest_needs_the_files_of_its_trees(registered: None, folder: Path, tmp_path: Path) -> None:
     planted(folder)
-    with pytest.raises(RuntimeError, match=r"shrub\.glb is no file of a baked tree: export the tree"):
+    with pytest.raises(RuntimeError, match=r"shrub\.glb is not in .*: choose the folder with the files of all trees"):
         bpy.ops.leafcloud.export_forest(directory=str(tmp_path))
     assert not list(tmp_path.iterdir())
 

@@ -121,6 +121,24 @@ def test_another_tools_file_is_one_level_without_promises(shrub: Path, capsys: p
     assert (status, len(found["levels"]), found["checks"]) == (0, 1, [])
 
 
+def test_levels_of_another_tool_are_found_by_their_names(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def foreign(document: dict[str, Any], body: bytearray) -> None:
+        for node in document["nodes"]:
+            node.pop("extras", None)
+            node.pop("extensions", None)
+        document["scenes"][0]["nodes"] = list(range(len(document["nodes"])))
+
+    path = rewritten(folder_of("generic") / "shrub.glb", tmp_path / "other.glb", foreign)
+    status, found = inspected(capsys, path, "--against", path)
+    names = [row["name"] for row in found["levels"]]
+    assert (status, names[:2], found["levels"][0]["number"]) == (0, ["shrub_LOD0", "shrub_LOD1"], None)
+    assert [each["level"] for each in found["scores"]] == [name for name in names for _ in range(4)]
+    costs = [each["cost"] for each in found["scores"][::4]]
+    assert costs[0] == 1.0 > costs[-1]
+
+
 def test_a_file_is_like_itself_and_a_level_is_near_the_leaves(
     folder: Path, shrub: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 import pytest
 from bakes import folder_of, kept
@@ -16,6 +17,8 @@ from command_line import QUICK, report_in
 from night import rest_at_night
 
 import leafcloud
+from addon.material.surface import read_surface
+from addon.scene.load import load
 
 HERE = Path(__file__).parent
 THREE = HERE.parents[1] / "engines" / "three" / "node_modules" / "three"
@@ -166,3 +169,22 @@ def test_materials_tell_the_pivots_of_alpha(files: Path) -> None:
     pivots = material["extras"]["leafcloud"]["alphaPivots"]
     assert pivots[0] == pytest.approx(material["alphaCutoff"], abs=1e-3)
     assert all(0.0 < pivot < 1.0 for pivot in pivots)
+
+
+def test_a_file_with_ktx2_is_read_again(files: Path) -> None:
+    """The scene has the KTX2 texture in place of the PNG, with nearly its colors where leaves are opaque."""
+    load(files / "shrub_LOD1.glb")
+    material = bpy.data.objects["shrub_LOD1"].data.materials[0]
+    surface = read_surface(material)
+    assert surface.color_texture is not None
+    page = surface.color_texture.image
+    document, binary = document_of(files / "shrub_LOD1.glb")
+    [level] = [each for each in document["materials"] if each["name"] == material.name]
+    own = level["pbrMetallicRoughness"]["baseColorTexture"]["index"]
+    view = document["bufferViews"][document["images"][document["textures"][own]["source"]]["bufferView"]]
+    png = leafcloud.decode_image(binary[view.get("byteOffset", 0) :][: view["byteLength"]])
+    assert tuple(page.size) == png.shape[1::-1]
+    read = leafcloud.decode_image(page.packed_file.data)
+    inside = (png[..., 3] == 255) & (read[..., 3] == 255)
+    assert inside.mean() > 0.05
+    assert np.abs(read[inside].astype(int) - png[inside])[:, :3].mean() < 6.0

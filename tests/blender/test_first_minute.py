@@ -68,6 +68,13 @@ def test_a_selection_that_takes_long_to_count_is_told_by_its_objects() -> None:
     assert selection_words(bpy.context) == "oak: 1 object"
 
 
+def test_of_a_large_selection_the_faces_of_the_leaves_are_counted() -> None:
+    assert not leaves(30_001, "oak").hide_render
+    assert selection_words(bpy.context) == "oak: 1 object", "no name tells the leaves"
+    bpy.context.scene.leafcloud.leaves = "oak"
+    assert selection_words(bpy.context) == "oak: leaves of 30,001 faces"
+
+
 def test_a_selection_without_leaves_says_so() -> None:
     leaves(1, "rock")
     assert selection_words(bpy.context) == "rock: no leaves found, name them in Levels"

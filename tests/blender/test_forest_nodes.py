@@ -453,7 +453,7 @@ def test_the_inputs_have_the_promised_names() -> None:
     sockets = [item for item in forest_group().interface.items_tree if item.item_type == "SOCKET"]
     assert [socket.name for socket in sockets if socket.in_out == "OUTPUT"] == ["Geometry"]
     assert [socket.name for socket in sockets if socket.in_out == "INPUT"] == [
-        *("Geometry", "Variants", "Centre", "Width", "Far", "Kind"),
+        *("Geometry", "Variants", "Centre", "Width", "Far", "Kind", "LOD Distance"),
         *(f"From {number}" for number in range(1, 16)),
     ]
     assert all(socket.description for socket in sockets if socket.name != "Geometry")

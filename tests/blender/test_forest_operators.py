@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import bpy
 import numpy as np
@@ -14,6 +15,7 @@ import leafcloud
 from addon.bake.values import Baked
 from addon.levels.baked_trees import baked_tree
 from addon.levels.planting import width_of
+from addon.levels.root import root_of
 from addon.nodes.scene import SceneSettings
 from addon.settings.bake import BakeSettings
 from addon.versions import get_modifier_input
@@ -282,7 +284,32 @@ def test_planting_again_replaces_the_forest() -> None:
     bpy.ops.leafcloud.forest()
     assert [modifier.name for modifier in points.modifiers] == ["Leafcloud Points", "Leafcloud Forest"]
     assert len(drawn(points)) == 3
+    forests = [each.name for each in bpy.data.collections if re.fullmatch(r"tree_forest(\.\d+)?", each.name)]
+    assert forests == ["tree_forest"], "the one before is gone"
 
+
+def test_a_forest_follows_the_lod_distance_of_its_tree() -> None:
+    baked = baked_crown(trunk=False)
+    points = grid(1, 1.0)
+    bpy.context.view_layer.objects.active = points
+    bpy.ops.leafcloud.forest()
+    add_camera((0.0, 0.0, baked.switch_distances[1]))
+    root = root_of(baked.collection)
+    assert root is not None
+    shown = {}
+    for factor in (10.0, 0.1):
+        root["LOD Distance"] = factor
+        root.update_tag()
+        bpy.context.view_layer.update()
+        [shown[factor]] = drawn(points)
+    assert shown[10.0] == "tree_forest_00"
+    assert shown[0.1] > "tree_forest_01"
+    bpy.ops.leafcloud.forest()
+    root["LOD Distance"] = 1.0
+    root.update_tag()
+    bpy.context.view_layer.update()
+    [usual] = drawn(points)
+    assert "00" < usual[-2:] < shown[0.1][-2:], "planted again, the factor counts once"
 
 def test_a_forest_mixes_all_trees_of_the_scene() -> None:
     for name in ("one", "two"):

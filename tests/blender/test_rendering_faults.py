@@ -7,7 +7,7 @@ import pytest
 from mathutils import Vector
 from node_trees import new_material
 
-from addon.scene.rendering import BOUNCES, allow_bounces, faults
+from addon.scene.rendering import BOUNCES, allow_bounces, faults, lens_fault
 
 pytestmark = pytest.mark.version
 
@@ -76,3 +76,20 @@ def test_cards_that_cast_whole_shadows_are_told_once(scene: bpy.types.Scene) -> 
     [text] = texts(scene, leaves, leaves)
     assert text.startswith("Transparent Shadows is off in leaves")
     assert mended(scene, leaves) == []
+
+
+def test_a_longer_lens_than_the_bakes_is_told(scene: bpy.types.Scene) -> None:
+    root = bpy.data.objects.new("root", None)
+    root["LOD Distance"] = 1.0
+    assert lens_fault(root, 1.05) == []
+    [fault] = lens_fault(root, 2.0)
+    assert "2.0 × larger" in fault.text
+    fault.mend()
+    assert root["LOD Distance"] == 2.0
+    assert lens_fault(root, 2.0) == []
+
+
+def test_an_artists_own_lod_distance_stays(scene: bpy.types.Scene) -> None:
+    root = bpy.data.objects.new("root", None)
+    root["LOD Distance"] = 0.5
+    assert lens_fault(root, 2.0) == []

@@ -101,6 +101,18 @@ def test_files_have_the_levels_without_the_root(baked: bpy.types.Collection, tmp
     np.testing.assert_allclose(np.array(level.matrix_world), here["leaves_LOD1"], atol=1e-5)
 
 
+def test_files_for_an_engine_have_the_tree_at_the_origin(baked: bpy.types.Collection, tmp_path: Path) -> None:
+    settings = bpy.context.scene.leafcloud
+    settings.directory, settings.engine = str(tmp_path), "three"
+    bpy.ops.leafcloud.bake()
+    turn = places(bpy.data.collections["leaves"])["leaves_LOD0"][:3, :3]
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.import_scene.gltf(filepath=str(tmp_path / "leaves.glb"))
+    place = np.array(bpy.data.objects["leaves_LOD0"].matrix_world)
+    np.testing.assert_allclose(place[:3, 3], 0.0, atol=1e-6)
+    np.testing.assert_allclose(place[:3, :3], turn, atol=1e-5)
+
+
 def test_copies_of_a_tree_move_on_their_own(baked: bpy.types.Collection) -> None:
     before = places(baked)
     bpy.ops.object.duplicate(linked=True)

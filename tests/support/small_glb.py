@@ -42,7 +42,7 @@ def write_glb(path: Path, document: dict[str, Any], arrays: Sequence[NDArray[Any
         views.append({"buffer": 0, "byteOffset": len(body), "byteLength": len(content)})
         body += content
     whole = {"asset": {"version": "2.0"}, "accessors": accessors, "bufferViews": views, **document}
-    return _write(path, whole | {"buffers": [{"byteLength": len(body)}]}, body)
+    return write_document(path, whole | {"buffers": [{"byteLength": len(body)}]}, body)
 
 
 def write_quad_glb(
@@ -105,10 +105,11 @@ def write_quad_glb(
     if "KHR_texture_transform" in json.dumps(material):
         document["extensionsUsed"] = ["KHR_texture_transform"]
     document["buffers"] = [{"byteLength": len(body)}]
-    return _write(path, document, body)
+    return write_document(path, document, body)
 
 
-def _write(path: Path, document: dict[str, Any], body: bytes) -> Path:
+def write_document(path: Path, document: dict[str, Any], body: bytes) -> Path:
+    """Write a file of a document and its binary chunk."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(body))

@@ -1,10 +1,11 @@
-"""Levels of another tool by their names."""
+"""Levels of another tool by their names, else by their form."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from addon.plan.other_levels import coarser, level_in
+from addon.plan.other_levels import Extent, coarser, coarser_by_form, level_in
 
 
 @pytest.mark.parametrize(
@@ -30,3 +31,28 @@ def test_the_finest_level_is_the_tree() -> None:
 @pytest.mark.parametrize("parts", [[["Oak_LOD1"], ["bark"]], [["Oak"], ["Billboard"]], []])
 def test_one_number_tells_nothing(parts: list[list[str]]) -> None:
     assert coarser(parts) == []
+
+
+def part(triangles: int, *, size: float = 1.0, area: float = 10.0, flat: bool = False, material: str = "leaf") -> Extent:
+    """Return a part in a cube around the origin; `flat`: without an extent along y."""
+    corner = size * np.array([1.0, 0.0 if flat else 1.0, 1.0])
+    return Extent(np.array([-corner, corner]), area, triangles, frozenset([material]))
+
+
+def test_coarser_levels_fill_the_same_box_by_fewer_triangles() -> None:
+    assert coarser_by_form([part(100), part(60, size=0.99), part(20, area=8.0)]) == [1, 2]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        *(part(40, size=0.5), part(40, area=3.0), part(40, material="twig"), part(90)),
+        part(2, flat=True),  # A picture is one only beside other levels.
+    ],
+)
+def test_other_parts_of_a_tree_are_no_levels(other: Extent) -> None:
+    assert coarser_by_form([part(100), other]) == []
+
+
+def test_a_picture_beside_levels_is_one() -> None:
+    assert coarser_by_form([part(100), part(40), part(2, area=1.0, flat=True, material="picture")]) == [1, 2]

@@ -70,7 +70,7 @@ rows = np.random.default_rng(1).integers(0, 255, (3_000_000, 16), dtype=np.uint8
 
 def call():
     stream = leafcloud.compress_rows(rows)
-    return stream, leafcloud.decompress_rows(stream, len(rows), 16)
+    return stream, leafcloud.decompress(stream, len(rows), 16)
 """,
     "encode_png": """
 image = np.random.default_rng(1).integers(0, 255, (4096, 4096, 4), dtype=np.uint8)
