@@ -10,7 +10,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from godot_project import NEEDS_GODOT, RENDERERS, ROOT, TREE, colors, project_with, run_script, seen
+from command_line import QUICK
+from godot_project import NEEDS_GODOT, RENDERERS, ROOT, TREE, colors, godot, project_with, run_script, seen
+
+from addon.export.forest_file import write_forest
 
 pytestmark = NEEDS_GODOT
 
@@ -46,6 +49,19 @@ def test_a_forest_draws_each_tree_once_at_its_level(project: Path, renderer: str
     shutil.copy(
         out / "forest.png", pictures / ("forest.png" if renderer == "gl_compatibility" else f"forest_{renderer}.png")
     )
+
+
+def test_an_exported_forest_is_a_forest(tmp_path: Path) -> None:
+    """Places in Blender's axes: Z is up, which is Y in Godot."""
+    project = project_with(tmp_path, [ROOT / "examples" / "shrub.glb"], *QUICK)
+    places = np.array([np.eye(4), np.diag([2.0, 2.0, 2.0, 1.0])])
+    places[1, :3, 3] = 5.0, 7.0, 1.0
+    write_forest(project / "tree.glb", project / "forest.glb", places)
+    godot(project, "--headless", "--import")
+    imported, read = json.loads((run_script(project, "planted.gd") / "planted.json").read_text())
+    assert imported == read
+    assert imported["levels"] >= 2
+    assert np.allclose(imported["places"], [[0.0, 0.0, 0.0, 1.0], [5.0, 1.0, -7.0, 2.0]], atol=1e-5)
 
 
 def test_each_tree_of_a_file_has_its_own_ranges(tmp_path: Path) -> None:
