@@ -108,7 +108,7 @@ fuzz: ## fuzz every target for ten minutes (SECONDS=60 for less); needs nightly 
 	    RAYON_NUM_THREADS=1 cargo +nightly fuzz run --fuzz-dir rust/fuzz $$target rust/fuzz/target/corpus/$$target rust/fuzz/corpus/$$target -- -max_total_time=$(SECONDS) -timeout=20 -rss_limit_mb=4096 || exit 1; \
 	done
 
-# With BLENDER and GODOT (see test-interface and test-godot) also their pictures, for docs/first_tree.md and docs/engines.md.
+# With BLENDER and GODOT (see test-interface and test-godot) also their pictures, for docs/first_tree.md, docs/guide.md and docs/engines.md.
 .PHONY: docs
 docs: setup .venv/.test $(NODE_MODULES) ## remake the pictures of the documentation
 	@tools/prerequisites.sh chromium
@@ -116,6 +116,9 @@ docs: setup .venv/.test $(NODE_MODULES) ## remake the pictures of the documentat
 	.venv/bin/python tools/page_picture.py "$(INPUT)" docs/page.png
 	@mkdir -p docs/engines
 	.venv/bin/python tools/forest_picture.py "$(INPUT)" docs/engines/three_forest.png
+	@mkdir -p docs/guide
+	.venv/bin/python tools/landscape.py film out/film.png
+	convert out/film.png -resize 640x +dither -colors 128 -define png:compression-level=9 docs/guide/film.png
 ifdef BLENDER
 	rm -rf out/interface
 	$(MAKE) test-interface ARGS='-k first_session'
@@ -125,6 +128,11 @@ ifdef BLENDER
 	done
 endif
 ifdef GODOT
+	rm -rf out/landscape
+	.venv/bin/python tools/landscape.py game out/landscape
+	$$GODOT --headless --path out/landscape --import
+	xvfb-run --auto-servernum $$GODOT --path out/landscape --rendering-method forward_plus --audio-driver Dummy -- $(CURDIR)/out/landscape/game.png
+	convert out/landscape/game.png -resize 640x +dither -colors 128 -define png:compression-level=9 docs/guide/game.png
 	$(MAKE) test-godot
 	convert out/godot/forest.png -resize 60% +dither -colors 96 -define png:compression-level=9 docs/engines/godot_forest.png
 endif

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use leafcloud::error::Result;
 use leafcloud::lod::octahedral::Sketch;
 use leafcloud::lod::{self, Chain, ChainSettings, Level, Measured, Octahedral, ViewCounts};
+use leafcloud::metrics::drawing_cost;
 use leafcloud::{Foliage, Progress};
 use leafcloud_curve::{Offer, Wish, build_within};
 use leafcloud_simplify::SimplifiedLeaves;
@@ -248,7 +249,10 @@ impl Tree<'_> {
         let judge = Judge { yardstick, q: wishes.q(), memory_budget: wishes.memory_budget };
         let made = octahedral(last, Some(&judge), place, settings, progress)?;
         let most = (before_crown / LEAST_STEP).min(LARGEST_CROWN);
-        let of_cross = yardstick.largest(Subject::Foliage(&drawn(cross, wishes)?), wishes.q(), most)?;
+        let cross = drawn(cross, wishes)?;
+        let of_cross = yardstick.largest(Subject::Foliage(&cross), wishes.q(), most)?;
+        let price = |scale: f64| drawing_cost(&[&cross], scale, settings.up, Progress::silent());
+        let of_cross = Passed { crown: place.cheaper_from(of_cross.crown, &price, settings.up)?, ..of_cross };
         let mut takes_over = chosen.takes_over.clone();
         let Some((sketch, passed)) = made else {
             takes_over.push(of_cross);

@@ -12,7 +12,7 @@ use leafcloud::{Foliage, Progress};
 use crate::scene::Scene;
 
 /// Diameter of the crown in pixels where a level takes over at the latest.
-const LEAST_CROWN: f64 = 16.0;
+pub const LEAST_CROWN: f64 = 16.0;
 
 /// Fragments that a level may draw over the leaves', for crowns of at least [`FEW_PIXELS`]. Triangles cost more than fragments in smaller ones.
 const MOST_FRAGMENTS: f64 = 1.25;

@@ -2,7 +2,7 @@
 //!
 //! The octahedral impostor looks like the leaves at a larger size, so it replaces the level before over more distances. But a pixel of it
 //! costs three of another level's. It is chosen if it passes the yardstick and saves a tenth of the cost of the level before, in the middle of
-//! these distances.
+//! these distances. Either one takes over where it saves a tenth: a plant of few triangles is cheaper to draw as it is until it is small.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -12,10 +12,12 @@ use glam::DVec3;
 use leafcloud::error::Result;
 use leafcloud::lod::octahedral::{Layout, Shown, Size, Sketch};
 use leafcloud::lod::{Chain, ChainSettings, LEAST_SAVING, References};
-use leafcloud::metrics::drawing_cost;
+use leafcloud::metrics::{DrawingCost, drawing_cost};
 use leafcloud::{Error, Foliage, Progress};
 use leafcloud_simplify::SimplifiedLeaves;
 
+use crate::costs::{FEWEST_OF_TRUNKS, LEAST_CROWN, some};
+use crate::twigs::wood;
 use crate::wishes::compressed;
 use crate::yardstick::{Passed, Subject, Yardstick};
 
@@ -38,6 +40,9 @@ pub const LEAST_STEP: f64 = 1.25;
 /// elsewhere. Its pages have a texel for each of these pixels, so the smaller one takes a quarter of the memory.
 const LARGEST: f64 = 62.0;
 const LARGEST_OF_SMALL: f64 = 30.0;
+
+/// Ratio of the sizes at which costs are compared.
+const STEP: f64 = 0.9;
 
 /// Images of an octahedral impostor.
 const IMAGES: usize = 2;
@@ -63,6 +68,29 @@ pub struct Place<'a> {
 pub type Sketches = RefCell<Vec<Rc<Sketch>>>;
 
 impl Place<'_> {
+    /// Returns the largest diameter of the crown in pixels, up to `crown`, at which the last level saves a tenth of the cost of the level before; at
+    /// least [`LEAST_CROWN`]. `price`: what the last level costs at a scale in pixels.
+    ///
+    /// # Errors
+    /// Those of [`drawing_cost`].
+    pub fn cheaper_from(&self, crown: f64, price: &dyn Fn(f64) -> Result<DrawingCost>, up: DVec3) -> Result<f64> {
+        let trunk = self.parts.get(1).map_or(Ok(None), |trunk| {
+            let all: Vec<u32> = (0..trunk.triangle_count() as u32).collect();
+            wood(Some(trunk), &some(&all, self.before.triangle_count().max(FEWEST_OF_TRUNKS)))
+        })?;
+        let before: Vec<&Foliage> = std::iter::once(self.before).chain(trunk.as_ref()).collect();
+        let mut size = crown;
+        while size > LEAST_CROWN {
+            let scale = 0.5 * size / self.parts[0].frame().radius;
+            let dear = drawing_cost(&before, scale, up, Progress::silent())?.total();
+            if price(scale)?.total() <= (1.0 - LEAST_SAVING) * dear {
+                return Ok(size);
+            }
+            size *= STEP;
+        }
+        Ok(size.max(LEAST_CROWN.min(crown)))
+    }
+
     /// Returns the sketch of an impostor, for eyes in the directions `seen_from`.
     fn sketch(
         &self,
@@ -152,7 +180,10 @@ pub fn octahedral(
     let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, passed.crown)?;
     let layout = &sketch.impostor().layout;
     let is_worth_it = passed.passes && saving(place, passed.crown, cross, layout, settings.up)? >= LEAST_SAVING;
-    Ok((is_wished || is_worth_it).then_some((sketch, Some(passed))))
+    let frame = place.parts[0].frame();
+    let price = |scale: f64| layout.cost(frame, scale, settings.up);
+    let crown = if is_wished { passed.crown } else { place.cheaper_from(passed.crown, &price, settings.up)? };
+    Ok((is_wished || is_worth_it).then_some((sketch, Some(Passed { crown, ..passed }))))
 }
 
 /// The yardstick for an octahedral impostor, and its limits.
