@@ -92,7 +92,7 @@ def film(out: Path) -> None:
         scene.collection.objects.link(obj)
     scene.world = scene.world or bpy.data.worlds.new("sky")
     scene.world.use_nodes = True
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.45, 0.6, 0.85, 1.0)
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.3, 0.5, 0.9, 1.0)
     scene.camera, camera.data.lens = camera, 28.0
     for frame, place in ((1, (-40.0, -70.0, 16.0)), (24, (-38.0, -66.0, 15.0))):
         camera.location = place
@@ -104,7 +104,7 @@ def film(out: Path) -> None:
     scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.5
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 960, 540, 100
     scene.cycles.samples, scene.cycles.use_denoising = 64, True
-    scene.view_settings.exposure = 1.0
+    scene.view_settings.exposure = 0.6
     scene.render.filepath = str(out)
     bpy.ops.render.render(write_still=True)
 

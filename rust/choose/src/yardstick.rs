@@ -35,7 +35,7 @@ const FIRST: usize = 128;
 pub const OF_DRAFTS: usize = 128;
 
 /// Diameter of a crown in pixels that is too small to tell a tree from a dot.
-pub const UNJUDGED: f64 = 10.0;
+pub const UNJUDGED: f64 = 12.0;
 
 /// Largest diameter of a crown in pixels at which a level is reported, and may take over, that passes nowhere.
 const SMALLISH: f64 = 64.0;
