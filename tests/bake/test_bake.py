@@ -99,7 +99,7 @@ def test_levels_take_over_where_they_look_like_the_leaves(baked: tuple[Path, dic
         assert level["drawing"]["crown_pixels"] <= found["crown_pixels"] * (1.0 + 1e-9)
         assert found["size"] == pytest.approx(found["crown_pixels"] / 1080.0)
         assert found["passes"] == (found["judged"]["excess"] <= 1.0)
-        assert found["passes"] or found["crown_pixels"] <= 10.0
+        assert found["passes"] or found["crown_pixels"] <= 12.0
 
 
 @pytest.mark.version

@@ -90,9 +90,7 @@ impl<'a> Tree<'a> {
         let mut levels = costs.levels(&chosen, fewer, wishes);
         let (leaf_levels, count) = (usize::from(levels.simplified.is_some()), levels.clouds.len());
         let room = MOST_LEVELS.saturating_sub(leaf_levels + usize::from(self.settings.cross));
-        let may_go = !fewer.is_empty()
-            && self.has_cross(&chosen.chain)
-            && levels.clouds.first().is_some_and(|first| !first.passes);
+        let may_go = !fewer.is_empty() && self.has_cross(&chosen.chain);
         let is_wished = self.settings.every_level || !wishes.sizes.is_empty();
         let walk = scenes.best(&levels, room, if is_wished { count } else { usize::from(!may_go) });
         let mut without_first = f64::INFINITY;

@@ -8,6 +8,7 @@ use leafcloud::error::Result;
 use crate::costs::Prices;
 use crate::last::LEAST_STEP;
 use crate::scene::{HORIZON, Scene};
+use crate::yardstick::UNJUDGED;
 
 /// Chains are compared to the scene's horizon and to this multiple of it: levels of small crowns should be cheap, too.
 const BEYOND: f64 = 4.0;
@@ -94,6 +95,11 @@ impl Scenes {
         let fits =
             |(fewer, clouds): &(Vec<usize>, usize)| fewer.is_empty() && *clouds == all || fewer.len() + clouds <= most;
         let walks = walks.filter(fits).filter_map(|(fewer, clouds)| self.walk(levels, fewer, clouds));
+        // The impostor takes over at that size at the latest.
+        let is_seen = |walk: &Walk| {
+            walk.clouds <= least || walk.crowns.last().is_none_or(|&crown| crown >= LEAST_STEP * UNJUDGED)
+        };
+        let walks = walks.filter(is_seen);
         let none = Walk { fewer: Vec::new(), clouds: all, crowns: Vec::new(), passes: false, cost: f64::INFINITY };
         walks.reduce(|best, next| if next.is_better(&best) { next } else { best }).unwrap_or(none)
     }
@@ -166,6 +172,17 @@ mod tests {
                 clouds: vec![Candidate { passes: false, ..candidate(60.0, &cloud) }],
             };
             assert_eq!(Scenes::to(50.0).unwrap().best(&levels, 4, 0).clouds, clouds, "{count}");
+        }
+    }
+
+    #[test]
+    fn a_cloud_that_the_impostor_replaces_at_once_is_left_out() {
+        let [leaves, first, second] =
+            [(2.0, 4000.0), (2.0, 400.0), (2.0, 100.0)].map(|(area, count)| prices(area, count));
+        for (at, clouds) in [(13.0, 1), (20.0, 2)] {
+            let both = vec![candidate(100.0, &first), candidate(at, &second)];
+            let levels = Levels { leaves: &leaves, simplified: None, fewer: Vec::new(), clouds: both };
+            assert_eq!(Scenes::to(200.0).unwrap().best(&levels, 4, 1).clouds, clouds, "{at}");
         }
     }
 

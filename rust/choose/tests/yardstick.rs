@@ -63,7 +63,7 @@ fn a_level_takes_over_at_most_where_it_may() {
     assert_eq!(near.crown, 50.0);
     let moved = swayed(&leaves, 0.2).unwrap();
     let other = yardstick.largest(Subject::Foliage(&moved), 1.0, 540.0).unwrap();
-    assert!(!other.passes && other.crown == 10.0, "{other:?}");
+    assert!(!other.passes && other.crown == 12.0, "{other:?}");
     assert_eq!(yardstick.sides().collect::<Vec<_>>(), [128, 64, 32, 16]);
     assert!(yardstick.judge(Subject::Foliage(&leaves), LARGEST, 1.0).unwrap().is_none(), "no pictures of this size");
 }
