@@ -65,15 +65,22 @@ class Forest:
 
 def remove_forests(obj: bpy.types.Object) -> None:
     """Remove the forests planted on an object, with the variants that nothing else uses."""
-    planted = [each for each in obj.modifiers if each.name.startswith(GROUP_NAME)]
-    variants = {get_modifier_input(each, "Variants") for each in planted if has_modifier_input(each, "Variants")}
-    for modifier in planted:
+    variants = _variants_on(obj)
+    for modifier in [each for each in obj.modifiers if each.name.startswith(GROUP_NAME)]:
         obj.modifiers.remove(modifier)
-    for collection in [each for each in variants if each is not None and each.users == 0]:
+    # Blender 5.2 still counts a removed modifier as a user.
+    used = set().union(*map(_variants_on, bpy.data.objects), (each.instance_collection for each in bpy.data.objects))
+    for collection in variants - used:
         objects = list(collection.all_objects)
         meshes = {each.data for each in objects}
         bpy.data.batch_remove([*objects, *collection.children_recursive, collection])
         bpy.data.batch_remove([mesh for mesh in meshes if mesh.users == 0])
+
+
+def _variants_on(obj: bpy.types.Object) -> set[bpy.types.Collection]:
+    """Return the variants of the forests planted on an object."""
+    planted = (each for each in obj.modifiers if each.name.startswith(GROUP_NAME))
+    return {get_modifier_input(each, "Variants") for each in planted if has_modifier_input(each, "Variants")} - {None}
 
 
 def build_forest(

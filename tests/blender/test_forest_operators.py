@@ -311,6 +311,7 @@ def test_a_forest_follows_the_lod_distance_of_its_tree() -> None:
     [usual] = drawn(points)
     assert "00" < usual[-2:] < shown[0.1][-2:], "planted again, the factor counts once"
 
+
 def test_a_forest_mixes_all_trees_of_the_scene() -> None:
     for name in ("one", "two"):
         baked_crown(name, trunk=False)

@@ -91,7 +91,9 @@ def test_an_unknown_file_type_raises_and_keeps_the_scene(tmp_path: Path, name: s
     bpy.context.collection.objects.link(bpy.data.objects.new("old", None))
     with pytest.raises(SceneError) as caught:
         load(tmp_path / name)
-    assert str(caught.value).startswith(f"{tmp_path / name} has an unsupported file type; give one of .glb, .gltf, .obj,")
+    assert str(caught.value).startswith(
+        f"{tmp_path / name} has an unsupported file type; give one of .glb, .gltf, .obj,"
+    )
     assert "old" in bpy.data.objects
 
 

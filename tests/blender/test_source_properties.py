@@ -152,7 +152,9 @@ def test_a_missing_image_of_bark_is_told(tmp_path: Path) -> None:
 def obj_file(folder: Path, up: str, material: str = "") -> Path:
     """Write a plant of leaves 1 to 3 above its foot, with Y or Z up, 1 wide."""
     random = np.random.default_rng(3)
-    corners = np.concatenate([random.uniform((-1, -1, 1), (1, 1, 3), (300, 3)), [[-0.1, 0, 0], [0.1, 0, 0], [0, 0.1, 1]]])
+    corners = np.concatenate(
+        [random.uniform((-1, -1, 1), (1, 1, 3), (300, 3)), [[-0.1, 0, 0], [0.1, 0, 0], [0, 0.1, 1]]]
+    )
     if up == "y":
         corners = corners[:, [0, 2, 1]] * (1, 1, -1)
     lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in corners]
@@ -253,7 +255,11 @@ def compressed(path: Path, changes: dict[str, Any] | None = None) -> Path:
         body += stream + bytes(-len(stream) % 4)
     document: dict[str, Any] = {
         "asset": {"version": "2.0"},
-        **{"extensionsUsed": ["EXT_meshopt_compression", "KHR_mesh_quantization"], "scene": 0, "scenes": [{"nodes": [0]}]},
+        **{
+            "extensionsUsed": ["EXT_meshopt_compression", "KHR_mesh_quantization"],
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+        },
         "extensionsRequired": ["EXT_meshopt_compression", "KHR_mesh_quantization"],
         "nodes": [{"name": "leaves", "mesh": 0}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2}]}],

@@ -33,7 +33,9 @@ def test_one_number_tells_nothing(parts: list[list[str]]) -> None:
     assert coarser(parts) == []
 
 
-def part(triangles: int, *, size: float = 1.0, area: float = 10.0, flat: bool = False, material: str = "leaf") -> Extent:
+def part(
+    triangles: int, *, size: float = 1.0, area: float = 10.0, flat: bool = False, material: str = "leaf"
+) -> Extent:
     """Return a part in a cube around the origin; `flat`: without an extent along y."""
     corner = size * np.array([1.0, 0.0 if flat else 1.0, 1.0])
     return Extent(np.array([-corner, corner]), area, triangles, frozenset([material]))
