@@ -117,7 +117,8 @@ def grass(ground: bpy.types.Object) -> None:
     surface = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     noise, ramp = (material.node_tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexNoise", "ValToRGB"))
     noise.inputs["Scale"].default_value, surface.inputs["Roughness"].default_value = 40.0, 1.0
-    for element, color in zip(ramp.color_ramp.elements, ((0.04, 0.07, 0.015, 1.0), (0.12, 0.13, 0.04, 1.0)), strict=True):
+    colors = (0.04, 0.07, 0.015, 1.0), (0.12, 0.13, 0.04, 1.0)
+    for element, color in zip(ramp.color_ramp.elements, colors, strict=True):
         element.color = color
     material.node_tree.links.new(noise.outputs[0], ramp.inputs[0])
     material.node_tree.links.new(ramp.outputs[0], surface.inputs["Base Color"])
