@@ -212,6 +212,19 @@ def ground() -> Mesh:
     return np.array([[-8.0, -8, 0], [8, -8, 0], [8, 8, 0], [-8, 8, 0]]), [(0, 1, 2, 3)]
 
 
+def fewer_cards() -> Mesh:
+    """Half of the cards, of twice their area: a coarser level of another tool."""
+    leaves = cards()[0].reshape(-1, 4, 3)[::2]
+    middles = leaves.mean(axis=1, keepdims=True)
+    return _joined([(leaf, [(0, 1, 2, 3)]) for leaf in middles + math.sqrt(2.0) * (leaves - middles)])
+
+
+def _some_cards(start: int, stop: int) -> Mesh:
+    """Some of the cards, in parts of ten."""
+    leaves = cards()[0].reshape(-1, 4, 3)
+    return _joined([(leaf, [(0, 1, 2, 3)]) for i, leaf in enumerate(leaves) if start <= i % 10 < stop])
+
+
 def far_card() -> Mesh:
     return CARD + np.array([60.0, 0.0, 3.0]), [(0, 1, 2, 3)]
 
@@ -290,6 +303,12 @@ def _kinds() -> dict[str, tuple[list[Part], str]]:
     branched_oak = [Part("leaves", cards(), GREEN, True), Part("trunk", branched(), BROWN, False)]
     apart = [*_LEAVES_APART, Part("trunk", trunk(), BROWN, False)]
     found["each leaf an object"] = (apart, "objects")
+    found["levels without names"] = (_plant("cards", Part("coarser", fewer_cards(), GREEN, None)), "objects")
+    for share in (5, 7):
+        halves = [
+            Part(f"leaves {i}", _some_cards(*ends), GREEN, True) for i, ends in enumerate(((0, share), (share, 10)))
+        ]
+        found[f"leaves of two objects, {share} to {10 - share}"] = ([*halves, _plant("cards")[1]], "objects")
     for packing in ("materials", "one material"):
         found[f"cards on branches, {packing}"] = (branched_oak, packing)
         for part in (_MARKS, _GRAVEL, _PETALS, _POT, _ROCK, _GROUND, _FAR):
