@@ -34,7 +34,7 @@ def correct(objects: Collection[bpy.types.Object], up: Up) -> list[str]:
     if up == "z" or stands_on_z:
         for obj in objects:
             obj.matrix_world = Matrix.Rotation(-math.pi / 2.0, 4, "X") @ obj.matrix_world
-    said = "the file is read with Z up, because the plant stands on Z; with --up y it is read with Y up"
+    said = "the file is read with Z up, because the plant stands on Z; `up=y` reads it with Y up"
     return [*notes, said] if stands_on_z else notes
 
 
@@ -76,4 +76,4 @@ def _without_glass(material: bpy.types.Material) -> list[str]:
     if principled is None or principled.inputs["Transmission Weight"].default_value != 1.0:
         return []
     principled.inputs["Transmission Weight"].default_value = 0.0
-    return [f"material {material.name!r}: its `Tf` of 1 asks for clear glass, and is left out"]
+    return [f"material {material.name!r}: its Tf of 1 asks for clear glass, and is left out"]

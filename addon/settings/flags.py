@@ -112,7 +112,7 @@ _OWN_FLAGS = ("input", "leaves", "up", "out")
 
 def _flag_words(name: str, value: str | None) -> str | None:
     if name in _OWN_FLAGS:
-        return flag(name)
+        return flag(name) if value is None else f"{flag(name)} {value}"
     try:
         setting = setting_named(name)
     except KeyError:

@@ -69,7 +69,7 @@ _SHOWN = {
     "epsilon": _Shown("Error Bound", slider=0.2, digits=3),
     "levels": _Shown("Levels", slider=4),
     "cross": _Shown("Impostor"),
-    "last": _Shown("Form of the Impostor"),
+    "last": _Shown("Impostor As"),
     "triangles": _Shown("Triangles", slider=10000),
     "every_level": _Shown("Every Level"),
     "texture_size": _Shown("Texture Width"),
@@ -96,12 +96,13 @@ _SHOWN = {
     "files": _Shown("Files", choices={"chain": "Few", "levels": "Each Level", "all": "All"}),
     "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
+    "alpha": _Shown("Leaf Alpha", choices={"material": "Of the Material", "texture": "Of the Image"}),
 }
 """Settings in the interface. The command line has all settings."""
 
 
-_OTHERS = {"leaves": "Leaves", "out": "Folder", "effects": "Effects"}
-"""Labels of two properties and a panel that messages name beside the settings."""
+_OTHERS = {"leaves": "Leaves", "out": "Folder", "effects": "Effects", "up": "the Up axis of Blender's own importer"}
+"""Words for what messages name beside the settings."""
 
 
 def effect_property(name: str) -> str:
@@ -110,8 +111,8 @@ def effect_property(name: str) -> str:
 
 
 def effect_label(name: str) -> str:
-    """Return the label of the effect `name`."""
-    return name.replace("_", " ").title()
+    """Return the label of the effect `name`, short enough for the sidebar."""
+    return "Roughness" if name == "roughness_metallic" else name.replace("_", " ").title()
 
 
 def with_labels(message: str) -> str:

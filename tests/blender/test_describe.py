@@ -330,6 +330,7 @@ def test_shaders_other_than_principled_are_rendered() -> None:
     tree.nodes.remove(principled)
     shader = tree.nodes.new("ShaderNodeEmission")
     shader.inputs["Color"].default_value = (0.0, 1.0, 0.0, 1.0)
+    shader.inputs["Strength"].default_value = 2.0  # With a strength of 1 it is an unlit material.
     tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     description, (emits, message) = describe_material(material)
     assert emits == EMITS
