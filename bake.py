@@ -212,13 +212,13 @@ def _load(files: Sequence[Path], up: Up) -> tuple[dict[str, set[bpy.types.Object
     from addon.scene.load import load, load_beside
 
     first, *others = files
-    notes = load(first, up)
+    told = {first: load(first, up)}
     groups = {first.stem: set(bpy.data.objects)}
     for path in others:
-        objects, more = load_beside(path, up)
+        objects, told[path] = load_beside(path, up)
         groups[numbered(path.stem, groups.__contains__)] = set(objects)
-        notes += more
-    return groups, notes
+    of_file = {path: f"{path.name}: " if others else "" for path in told}
+    return groups, [f"{of_file[path]}{note}" for path, notes in told.items() for note in notes]
 
 
 def _plan(options: argparse.Namespace, settings: BakeSettings, console: _Console) -> str:

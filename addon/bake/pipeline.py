@@ -24,6 +24,7 @@ from ..errors import SceneError
 from ..geometry import Geometry, Tree, without_shear
 from ..levels.build import build_levels
 from ..levels.building import Build, Costs, LeafShading
+from ..levels.results import keep_view
 from ..levels.trunk import unrolled
 from ..material.blended import cut_message, is_blended, see_through
 from ..material.cutouts import forgotten_alpha
@@ -31,7 +32,7 @@ from ..material.shading import reflection_of
 from ..material.surface import are_unlit, read_surface
 from ..material.translucency import translucent_of
 from ..nodes.wind import WindSettings
-from ..plan.camera_visibility import seen_as_set
+from ..plan.camera_visibility import pixels_of, seen_as_set
 from ..plan.costs import with_costs
 from ..plan.decision import Decision, is_on
 from ..plan.effects import on_effects, plan_channels, plan_effects, plan_levels, sees_pages
@@ -263,6 +264,7 @@ def finish(prepared: Prepared, chain: leafcloud.Chain, name: str, view: View) ->
     )
     yield
     collection, built = yield from build_levels(build)
+    keep_view(collection, pixels_of(1.0, 1.0, view))
     settled = tuple(effects[decision.name].settled(decision, chain) for decision in decisions)
     missed = quality_warnings(chain)
     unrefined = refine_warnings(prepared.settings.refine, chain.levels)

@@ -60,7 +60,7 @@ def export_collection(collection: bpy.types.Collection, path: Path, edits: Seque
         add_optional_textures(glb, collection)
     if TRANSLUCENCY_NODE in nodes:
         add_translucency(glb, collection)
-        add_leaf_translucency(glb, collection)
+    add_leaf_translucency(glb, collection)
     if lit:
         add_unlit(glb, collection)
     for edit in (add_tangents, *edits):

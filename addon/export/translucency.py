@@ -40,7 +40,7 @@ def add_leaf_translucency(glb: Glb, collection: bpy.types.Collection) -> None:
         surface = read_surface(source)
         through = read_translucency(source, surface)
         image = None if through.texture is None else through.texture.image
-        known = through.texture is None or (image is not None and image.packed_file is not None and _base(material))
+        known = through.texture is None or (image is not None and _is_packed(image) and _base(material))
         # Other shares of the base color have no form in the extension.
         if through.share == 0.0 or not known or abs(through.reflected - (1.0 - through.share)) > 1e-3:
             continue
@@ -61,6 +61,12 @@ def _leaf_texture(glb: Glb, material: dict[str, Any], surface: Surface, image: b
         return dict(base)
     number = glb.append_texture(material, image.name, image.packed_file.data)
     return {**base, "index": number}
+
+
+def _is_packed(image: bpy.types.Image) -> bool:
+    """Return whether an image is packed as PNG or JPEG, the formats of glTF."""
+    data = b"" if image.packed_file is None else image.packed_file.data
+    return data.startswith((b"\x89PNG", b"\xff\xd8"))
 
 
 def _base(material: dict[str, Any]) -> dict[str, Any]:

@@ -83,6 +83,12 @@ def root_of(collection: bpy.types.Collection) -> bpy.types.Object | None:
     return next(filter(is_root, collection.objects), None)
 
 
+def lod_factor(collection: bpy.types.Collection) -> float:
+    """Return LOD Distance of a baked tree's root; 1 without one."""
+    root = root_of(collection)
+    return 1.0 if root is None else float(root.get(LOD_DISTANCE, 1.0))
+
+
 def keep_root(before: bpy.types.Object, root: bpy.types.Object) -> None:
     """Put the levels below `root` below the root of the bake before, and remove `root`.
 

@@ -35,6 +35,11 @@ def check_readable(image: bpy.types.Image, material_name: str) -> None:
         )
 
 
+def lacks_alpha(image: bpy.types.Image | None) -> bool:
+    """Return whether an image has one or three channels. Blender reads 16 bits as numbers of 32."""
+    return image is not None and image.depth in ((32, 96) if image.is_float else (8, 24))
+
+
 def is_missing(image: bpy.types.Image | None) -> bool:
     """Return whether an image's file is not there. Does not read it."""
     if image is None or image.source != "FILE" or image.packed_file is not None:

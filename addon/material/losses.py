@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import bpy
 
+from ..errors import SceneError
 from .images import is_missing, pixels_of
 from .node_links import Port, number_at, output_of, shown_nodes, tangled_inputs, trees_of
 from .surface import principled_of, product_of, read_surface
@@ -84,4 +85,7 @@ def _is_black(target: Port) -> bool:
     if not any(product.factor):
         return True
     image = None if product.texture is None else product.texture.image
-    return image is not None and not is_missing(image) and not pixels_of(image, "")[..., :3].any()
+    try:
+        return image is not None and not is_missing(image) and not pixels_of(image, "")[..., :3].any()
+    except SceneError:  # Lights show no image that cannot be read.
+        return True

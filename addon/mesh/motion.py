@@ -35,7 +35,7 @@ def _pose(skeletons: set[bpy.types.Armature], position: str, layer: bpy.types.Vi
 def lost_motion(objects: Sequence[bpy.types.Object]) -> list[str]:
     """Return a sentence if objects of a tree move otherwise than by wind: the levels do not."""
     ways = {
-        "a skeleton": [obj.name for obj in objects if any(each.type == "ARMATURE" for each in obj.modifiers)],
+        "a skeleton": [obj.name for obj in objects if any(map(_is_animated, _skeletons(obj)))],
         "shape keys": [obj.name for obj in objects if _keys(obj) is not None and _is_animated(_keys(obj))],
         "keys of their own": [obj.name for obj in objects if any(map(_is_animated, _with_parents(obj)))],
     }
@@ -43,9 +43,20 @@ def lost_motion(objects: Sequence[bpy.types.Object]) -> list[str]:
     if not found:
         return []
     return [
-        f"moving in the source: {'; '.join(found)}. The levels are baked at rest, and keep none of it: each is one "
-        f"mesh of all leaves. All levels sway together by the wind effect (`effects=+wind`)"
+        f"moving in the source: {'; '.join(found)}. The levels keep none of it: each is one mesh of all leaves, "
+        f"baked with skeletons at rest and all else as this frame shows it. All levels sway together by the wind "
+        f"effect (`effects=+wind`)"
     ]
+
+
+def _skeletons(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """Yield the skeletons that move an object, by modifiers or as parents."""
+    yield from (each.object for each in obj.modifiers if each.type == "ARMATURE" and each.object is not None)
+    parent = obj.parent
+    while parent is not None:
+        if parent.type == "ARMATURE":
+            yield parent
+        parent = parent.parent
 
 
 def _keys(obj: bpy.types.Object) -> bpy.types.Key | None:

@@ -51,18 +51,23 @@ def coarser_by_form(parts: Sequence[Extent]) -> list[int]:
     """Return the indices of the parts that are coarser levels of others, told by form alone.
 
     A coarser level fills the same box with about the same area and materials, by fewer triangles. Exports of three.js's
-    LOD and of Unity's LODGroup may have no names. Beside such levels a few triangles as large as the tree are its
-    picture. O(n²).
+    LOD and of Unity's LODGroup may have no names. A tree may have leaves of two sizes in one crown: so at least two
+    levels are coarser than a part. Beside such levels a few triangles in the tree's box are its picture. O(n²).
     """
     if len(parts) > _MOST_PARTS:
         return []
-    found = [i for i, part in enumerate(parts) if any(_is_coarser(part, other) for other in parts)]
-    finest = max((part.triangles for part in parts), default=0)
-    tree = max((_diagonal(part) for part in parts if part.triangles == finest), default=0.0)
-    pictures = [
-        i for i, part in enumerate(parts) if part.triangles <= _MOST_OF_PICTURE and _diagonal(part) >= _LIKE_TREE * tree
-    ]
-    return sorted({*found, *pictures}) if found else []
+    chains = [[i for i, part in enumerate(parts) if _is_coarser(part, other)] for other in parts]
+    found = {i for chain in chains if len({parts[i].triangles for i in chain}) >= _FEWEST_LEVELS for i in chain}
+    if not found:
+        return []
+    low = np.min([part.box[0] for part in parts], axis=0)
+    tree = np.sort(np.max([part.box[1] for part in parts], axis=0) - low)[-2:]
+    pictures = {
+        i
+        for i, part in enumerate(parts)
+        if part.triangles <= _MOST_OF_PICTURE and (np.sort(np.ptp(part.box, axis=0))[-2:] >= _LIKE_TREE * tree).all()
+    }
+    return sorted(found | pictures)
 
 
 _MOST_PARTS = 300
@@ -70,8 +75,10 @@ _SAME_BOX, _SAME_AREA, _FEWER = 0.05, 1.5, 1.5
 """Greatest distance of the faces of two boxes, in diagonals; greatest ratio of areas; least ratio of triangles."""
 
 
-_MOST_OF_PICTURE, _LIKE_TREE = 12, 0.7
-"""Most triangles of a picture of the tree, and its least diagonal, in those of the finest part."""
+_FEWEST_LEVELS = 2
+
+_MOST_OF_PICTURE, _LIKE_TREE = 12, 0.8
+"""Most triangles of a picture of the tree, and its least width and height, in those of all parts."""
 
 
 def _diagonal(part: Extent) -> float:

@@ -12,7 +12,7 @@ import re
 import stat
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Protocol
@@ -124,13 +124,13 @@ def _check_name(path: Path, name: str) -> None:
             raise SceneError(f"{path} names {file}, which is a pipe or a device, not a file: put a file there")
 
 
-def check_opened_blend(path: Path) -> None:
-    """Raise `SceneError` if the open file has images that are too large, broken meshes, or too many parents."""
+def check_blocks(path: Path, images: Iterable[bpy.types.Image], meshes: Iterable[bpy.types.Mesh]) -> None:
+    """Raise `SceneError` for what was read of a file: images that are too large, broken meshes, too many parents."""
     sizes = ImageSizes()
     try:
-        for image in bpy.data.images:
+        for image in images:
             _check_image(image, sizes)
-        for mesh in bpy.data.meshes:
+        for mesh in meshes:
             _check_mesh(mesh)
         _check_parents()
     except SceneError as error:

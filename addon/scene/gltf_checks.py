@@ -52,7 +52,9 @@ def check_gltf(path: Path) -> GltfSource:
         _check_depth(document)
         check(document)
         _check_texts(document)
-        source = unpacked(GltfSource(path.resolve().parent, document, body, path))
+        stored = GltfSource(path.resolve().parent, document, body, path)
+        _check_views(stored)
+        source = unpacked(stored)
         for step in (_check_views, _check_accessors, _check_zeros, _check_primitives, _check_reuse, _check_nodes):
             step(source)
         _check_images(source)

@@ -76,6 +76,8 @@ class GltfSource:
         start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
         size = stride * (accessor["count"] - 1) + component.itemsize * width
         content = self.buffers[view["buffer"]].read(start, size)
+        if len(content) < size:  # A buffer without data, or a file that has changed meanwhile.
+            raise Broken(f"accessors[{index}] has {len(content)} of its {size} bytes")
         return np.ndarray((accessor["count"], width), component, content, 0, (stride, component.itemsize))
 
     def image(self, number: int) -> bytes | Path | None:
@@ -93,9 +95,12 @@ class GltfSource:
         return path if exists(path) else None
 
     def view(self, number: int) -> bytes:
-        """Return the bytes of a buffer view, as stored."""
+        """Return the bytes of a buffer view, as stored. Raise `Broken` if its buffer has no data."""
         view = self.list("bufferViews")[number]
-        return self.buffers[view["buffer"]].read(view.get("byteOffset", 0), view["byteLength"])
+        content = self.buffers[view["buffer"]].read(view.get("byteOffset", 0), view["byteLength"])
+        if len(content) < view["byteLength"]:
+            raise Broken(f"bufferViews[{number}] has {len(content)} of its {view['byteLength']} bytes")
+        return content
 
     def _buffer(self, number: int, buffer: dict[str, Any]) -> Buffer:
         place = f"buffers[{number}]"

@@ -8,6 +8,7 @@ Translucent BSDF has none.
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -35,30 +36,33 @@ def marked(source: GltfSource) -> GltfSource:
     return GltfSource(source.home, document, source.body)
 
 
-def add_transmission(source: GltfSource) -> list[str]:
-    """Add the transmission of the file's materials to those that were imported with marks. Return what changed."""
+def add_transmission(source: GltfSource, imported: Iterable[bpy.types.Material]) -> list[str]:
+    """Add the transmission of the file's materials to the imported ones, which have marks. Return what changed."""
     notes = []
-    for material in [each for each in bpy.data.materials if _MARK in each]:
-        number = material.pop(_MARK)
-        found = source.list("materials")[number].get("extensions", {}).get(_EXTENSION)
-        if found is not None and _share(source, found) > 0.0:
-            _mix_in(material, source, found)
-            if "diffuseTransmissionTexture" in found:
-                notes.append(
-                    f"material {material.name!r}: a texture varies how much light it transmits: the mean of the "
-                    f"texture is used"
-                )
+    for material in [each for each in imported if _MARK in each]:
+        number = int(material.pop(_MARK))
+        found = source.list("materials")[number].get("extensions", {}).get(_EXTENSION, {})
+        share, note = _share(source, found)
+        if share > 0.0:
+            _mix_in(material, source, found, share)
+            notes += [f"material {material.name!r}: {note}"] if note else []
     return notes
 
 
-def _share(source: GltfSource, found: dict[str, Any]) -> float:
-    """Return the transmitted share of the light, the mean over its texture."""
+def _share(source: GltfSource, found: dict[str, Any]) -> tuple[float, str]:
+    """Return the transmitted share of the light, the mean over its texture, and what that changes."""
     factor = min(max(found.get("diffuseTransmissionFactor", 0.0), 0.0), 1.0)
     content = _content(source, found.get("diffuseTransmissionTexture"))
-    return factor if content is None else factor * float(leafcloud.decode_image(content)[..., 3].mean()) / 255.0
+    if content is None or factor == 0.0:
+        return factor, ""
+    try:
+        mean = float(leafcloud.decode_image(content)[..., 3].mean()) / 255.0
+    except leafcloud.LeafcloudError:
+        return factor, "the texture of the light that it transmits cannot be read, and is left out"
+    return factor * mean, "a texture varies how much light it transmits: the mean of the texture is used"
 
 
-def _mix_in(material: bpy.types.Material, source: GltfSource, found: dict[str, Any]) -> None:
+def _mix_in(material: bpy.types.Material, source: GltfSource, found: dict[str, Any], share: float) -> None:
     tree = material.node_tree
     principled = next((node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None)
     if principled is None or not principled.outputs[0].links:
@@ -74,8 +78,7 @@ def _mix_in(material: bpy.types.Material, source: GltfSource, found: dict[str, A
         _multiply(tree, _texture(principled, image), color, translucent.inputs["Color"])
     if principled.inputs["Normal"].links:
         tree.links.new(principled.inputs["Normal"].links[0].from_socket, translucent.inputs["Normal"])
-    share = _share(source, found)
-    mix.inputs[0].default_value = share
+    mix.inputs[0].default_value = share * principled.inputs["Alpha"].default_value
     if principled.inputs["Alpha"].links:
         times = tree.nodes.new("ShaderNodeMath")
         times.operation, times.location = "MULTIPLY", (x, y + 400.0)

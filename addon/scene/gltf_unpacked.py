@@ -22,8 +22,11 @@ from .input_files import opened
 _BASIS = "KHR_texture_basisu"
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
-_MOST_DECODED = 1 << 31
+_MOST_DECODED = 1 << 30
 """Limit on the bytes of all decoded buffer views."""
+
+_OVERLAP = 2
+"""Limit on the bytes of the other buffer views, over those of the buffers: they may overlap, and are copied."""
 
 
 def unpacked(source: GltfSource) -> GltfSource:
@@ -44,8 +47,13 @@ def unpacked(source: GltfSource) -> GltfSource:
         view.pop("extensions", None)
     for texture in textures:
         document["textures"][texture]["source"] = document["textures"][texture]["extensions"].pop(_BASIS)["source"]
-    for number in sorted({document["textures"][texture]["source"] for texture in textures}):
-        contents.append(_png(source, number))
+    images = sorted({document["textures"][texture]["source"] for texture in textures})
+    files = {number: _ktx2(source, number) for number in images}
+    sizes = ImageSizes()
+    for number, content in files.items():
+        sizes.check(content, f"images[{number}]")
+    for number, content in files.items():
+        contents.append(_png(content, number))
         document["images"][number] = {
             **{key: value for key, value in document["images"][number].items() if key != "uri"},
             "bufferView": len(contents) - 1,
@@ -59,6 +67,7 @@ def unpacked(source: GltfSource) -> GltfSource:
 
 def as_glb(source: GltfSource) -> bytes:
     """Return a .glb file with all that a file names. The importer reads no file beside it."""
+    _check_size(source, ())
     document = copy.deepcopy(source.document)
     contents = [source.view(number) for number in range(len(document.get("bufferViews", [])))]
     for number, image in enumerate(document.get("images", [])):
@@ -99,9 +108,13 @@ def _compressed_views(source: GltfSource) -> dict[int, dict[str, Any]]:
 
 
 def _check_size(source: GltfSource, views: Collection[int]) -> None:
-    total = sum(source.list("bufferViews")[number]["byteLength"] for number in views)
+    sizes = [view["byteLength"] for view in source.list("bufferViews")]
+    total = sum(sizes[number] for number in views)
     if total > _MOST_DECODED:
         raise Broken(f"its compressed buffer views have {total} bytes, more than {_MOST_DECODED}")
+    most = _OVERLAP * sum(buffer.size for buffer in source.buffers)
+    if sum(sizes) - total > most:
+        raise Broken(f"its buffer views have {sum(sizes) - total} bytes, more than {most}")
 
 
 def _decoded(source: GltfSource, number: int, packed: dict[str, Any]) -> bytes:
@@ -125,15 +138,19 @@ def _ktx2_textures(source: GltfSource) -> list[int]:
     return [number for number, texture in enumerate(source.list("textures")) if _BASIS in texture.get("extensions", {})]
 
 
-def _png(source: GltfSource, number: int) -> bytes:
-    """Return an image of Basis Universal as a PNG file. Colors keep their codes."""
+def _ktx2(source: GltfSource, number: int) -> bytes:
+    """Return the file of an image of Basis Universal."""
     content = source.image(number)
     if isinstance(content, Path):
         with opened(content) as file:
             content = file.read()
     if content is None or not content.startswith(_KTX2):
         raise Broken(f"images[{number}] is no KTX2 texture, or its file is missing")
-    ImageSizes().check(content, f"images[{number}]")
+    return content
+
+
+def _png(content: bytes, number: int) -> bytes:
+    """Return a KTX2 file as a PNG file. Colors keep their codes."""
     try:
         return leafcloud.encode_png([leafcloud.decode_image(content)])
     except leafcloud.LeafcloudError as error:

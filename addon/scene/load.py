@@ -16,7 +16,7 @@ import bpy
 
 from ..errors import SceneError
 from ..material.cutouts import without_empty_alpha
-from .blend_checks import check_blend, check_opened_blend
+from .blend_checks import check_blend, check_blocks
 from .gltf_checks import check_gltf
 from .gltf_source import GltfSource
 from .gltf_transmission import add_transmission, marked
@@ -81,9 +81,11 @@ def _open_gltf(path: Path) -> list[str]:
             copy = Path(folder) / f"{path.stem}.glb"
             copy.write_bytes(as_glb(readable))
             _run(path, bpy.ops.import_scene.gltf, copy)
-    for material in set(bpy.data.materials) - materials:
+    imported = set(bpy.data.materials) - materials
+    for material in imported:
         without_empty_alpha(material)
-    notes = [*_unread(source), *add_transmission(source)]
+    transmission = [] if readable is source else add_transmission(source, imported)
+    notes = [*_unread(source), *transmission]
     if any("MSFT_lod" in node.get("extensions", {}) for node in source.list("nodes")):
         _remove_far_levels(set(bpy.data.objects) - before)
     return notes
@@ -143,8 +145,9 @@ def _open_obj(path: Path, up: Up) -> list[str]:
 def _open_other(path: Path, operator: Callable[..., set[str]]) -> list[str]:
     """Import a file of a kind that has no check of its own: of what is in it, images and meshes are checked."""
     check_regular(path)
+    images, meshes = set(bpy.data.images), set(bpy.data.meshes)
     _run(path, operator)
-    check_opened_blend(path)
+    check_blocks(path, set(bpy.data.images) - images, set(bpy.data.meshes) - meshes)
     return []
 
 
@@ -169,7 +172,7 @@ def _open_blend(path: Path) -> list[str]:
     check_blend(path)
     # Never run scripts in the file, whatever the preferences allow.
     _run(path, bpy.ops.wm.open_mainfile, load_ui=False, use_scripts=False)
-    check_opened_blend(path)
+    check_blocks(path, bpy.data.images, bpy.data.meshes)
     return []
 
 

@@ -1,7 +1,7 @@
 """Corrections of an imported OBJ file: the axis that points up, gray masks, and the clear glass that exporters write.
 
 - OBJ files do not say which axis points up, and Blender's importer takes Y. A plant with its foot at 0 on Z, and with
-  0 in the middle of X and Y, stands on Z.
+  0 in the middle of X and Y, stands on Z, if it is as high as wide.
 - `map_d` is a mask. The importer takes the alpha of its image, which a gray image lacks.
 - `Tf 1 1 1` is clear glass, but exporters write it for everything.
 """
@@ -16,6 +16,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 from numpy.typing import NDArray
+
+from ..material.images import lacks_alpha
 
 Up = Literal["auto", "y", "z"]
 
@@ -47,7 +49,8 @@ def _stands_on_z(objects: Collection[bpy.types.Object]) -> bool:
     if not len(corners):
         return False
     x, y, z = corners[:, 0], corners[:, 2], -corners[:, 1]
-    return _has_foot(z) and not _has_foot(y) and _is_around(x) and _is_around(y)
+    is_tall = np.ptp(z) >= max(np.ptp(x), np.ptp(y))
+    return bool(is_tall and _has_foot(z) and not _has_foot(y) and _is_around(x) and _is_around(y))
 
 
 def _has_foot(values: NDArray[np.float64]) -> bool:
@@ -66,7 +69,16 @@ def _use_gray_mask(material: bpy.types.Material) -> None:
         node = link.from_node
         if node.type != "TEX_IMAGE" or link.from_socket.name != "Alpha" or node.image is None:
             continue
-        if node.image.depth in (8, 16, 24, 48):  # One or three channels of 8 or 16 bits.
+        colored = {
+            each.from_node.image
+            for each in tree.links
+            if each.to_socket.name == "Base Color" and each.from_node.type == "TEX_IMAGE"
+        }
+        if not lacks_alpha(node.image):
+            continue
+        if node.image in colored:  # Exporters write the color's file for both.
+            tree.links.remove(link)
+        else:
             node.image.colorspace_settings.name = "Non-Color"
             tree.links.new(node.outputs["Color"], link.to_socket)
 

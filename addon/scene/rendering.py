@@ -39,24 +39,27 @@ def faults_of_all(scene: bpy.types.Scene) -> list[Fault]:
 
 
 def lens_fault(root: bpy.types.Object, magnification: float) -> list[Fault]:
-    """Return the fault of a camera that shows a tree larger than its levels were made for; empty if it does not.
+    """Return the fault of a camera that shows a tree larger than its levels are set for; empty if it does not.
 
     An artist's own LOD Distance is left alone.
     """
-    if magnification < _MAGNIFIED or root.get(LOD_DISTANCE) != 1.0:
+    now = root.get(LOD_DISTANCE, 1.0)
+    if now not in (1.0, root.get(_FITTED)) or magnification < _MAGNIFIED * now:
         return []
 
     def mend() -> None:
-        root[LOD_DISTANCE] = magnification
+        root[LOD_DISTANCE] = root[_FITTED] = magnification
         root.update_tag()
 
-    said = (
-        f"The camera shows trees {magnification:.1f} × larger than the levels were made for, so they take over too near"
-    )
-    return [Fault(f"{said}: {LOD_DISTANCE} {magnification:.1f} fits", mend)]
+    times = f"{magnification / now:.1f}"
+    said = f"The camera shows trees {times} × larger than the levels are set for: they take over too near"
+    return [Fault(f"{said}. {LOD_DISTANCE} {magnification:.1f} fits", mend)]
 
 
 _MAGNIFIED = 1.1
+
+_FITTED = "leafcloud_fitted"
+"""Custom property of a root: the LOD Distance that `lens_fault` has set."""
 
 
 def allow_bounces(scene: bpy.types.Scene) -> None:

@@ -42,7 +42,7 @@ class BakeSettings(LevelSettings):
             choices={
                 "auto": "they are opaque, with a warning",
                 "material": "they are opaque",
-                "texture": "the image cuts them out, by a node that is added to the material",
+                "texture": "the image cuts them out",
             },
         ),
     ] = "auto"

@@ -10,7 +10,7 @@ from ..levels.baked_trees import LeafPruning, baked_tree, leaf_pruning, tree_col
 from ..levels.forest import Forest, build_forest, remove_forests
 from ..levels.planting import apply_scale, area_of, is_ground, is_scaled, may_apply_scale, usual_density, width_of
 from ..levels.rollback import removed_on_failure
-from ..levels.root import root_of
+from ..levels.root import lod_factor, root_of
 from ..mesh.baked_levels import level_number
 from ..nodes.forest import ForestSettings
 from ..nodes.laws import LOD_DISTANCE, NEVER
@@ -269,9 +269,7 @@ def _points(context: bpy.types.Context) -> bpy.types.Object | None:
 
 def _build(context: bpy.types.Context, collection: bpy.types.Collection) -> Forest:
     """Build the forest of a tree, with pruned variants if the tree was baked for pruning."""
-    tree, root = baked_tree(collection), root_of(collection)
-    # The forest follows the root's LOD Distance by a driver.
-    factor = 1.0 if root is None else float(root.get(LOD_DISTANCE, 1.0))
+    tree, factor = baked_tree(collection), lod_factor(collection)  # A driver follows LOD Distance.
     leaves, pruning = tree.levels[0].object, LeafPruning(NEVER)
     if "leaf_rank" in leaves.data.attributes:
         pruning = leaf_pruning(leaves, context.scene.leafcloud.prune_pixels, view_of(context.scene))

@@ -10,10 +10,9 @@ from mathutils import Vector
 
 from ..bake.pipeline import view_of
 from ..levels.results import results_of
-from ..levels.root import root_of
+from ..levels.root import lod_factor
 from ..levels.shown import show_level
 from ..mesh.baked_levels import EXTRAS, level_number
-from ..nodes.laws import LOD_DISTANCE
 from ..nodes.lod import GROUP_NAME
 from ..versions import get_modifier_input, has_modifier_input
 from .on_tree import OnTree, active_tree
@@ -61,9 +60,7 @@ class LEAFCLOUD_OT_frame_level(OnTree, bpy.types.Operator):
         if view is None or self.level >= len(results) or radius == 0.0:
             self.report({"ERROR"}, f"{tree.name} has no level {self.level} to show in a 3D view")
             return {"CANCELLED"}
-        root = root_of(tree)
-        factor = 1.0 if root is None else float(root.get(LOD_DISTANCE, 1.0))
-        distance = factor * results[self.level].distance
+        distance = lod_factor(tree) * results[self.level].distance
         share = picture_share(radius, distance, context.scene) if distance > 0.0 else _NEAR
         show_level(tree, self.level, context.view_layer)
         if view.view_perspective == "CAMERA":

@@ -14,6 +14,7 @@ from ..levels.rollback import removed_on_failure
 from ..scene.load import SUFFIXES, load_beside
 from .job_operator import refuse
 from .on_tree import InObjectMode
+from .properties import with_labels
 from .selection import select_only
 
 _GAP = 0.2
@@ -21,7 +22,7 @@ _GAP = 0.2
 
 
 class LEAFCLOUD_OT_import_folder(InObjectMode, bpy.types.Operator):
-    """Import all .glb, .gltf and .obj files of a folder side by side, and select them. Sets Trees to Collections, so that Bake Levels bakes each"""  # noqa: E501
+    """Import all files of trees in a folder side by side, and select them. Sets Trees to Collections, so that Bake Levels bakes each"""  # noqa: E501
 
     bl_idname = "leafcloud.import_folder"
     bl_label = "Import Trees from Folder"
@@ -44,7 +45,10 @@ class LEAFCLOUD_OT_import_folder(InObjectMode, bpy.types.Operator):
         for path in files:
             try:
                 with removed_on_failure():
-                    trees.append(_imported(context, path))
+                    objects, notes = _imported(context, path)
+                    trees.append(objects)
+                for note in notes:
+                    self.report({"WARNING"}, with_labels(f"{path.name}: {note}"))
             except SceneError as error:
                 self.report({"WARNING"}, f"left out: {error}")
         if not trees:
@@ -69,14 +73,14 @@ def tree_files(folder: Path) -> list[Path]:
     return files
 
 
-def _imported(context: bpy.types.Context, path: Path) -> list[bpy.types.Object]:
-    """Import a file. Return its objects that are drawn, in a new collection with its name.
+def _imported(context: bpy.types.Context, path: Path) -> tuple[list[bpy.types.Object], list[str]]:
+    """Import a file. Return its objects that are drawn, in a new collection with its name, and notes about the file.
 
     Importers hide helpers, such as the shapes of bones, and objects of a file's other scenes in collections of their
     own: these stay there.
     """
     known = set(bpy.data.collections)
-    objects, _ = load_beside(path)
+    objects, notes = load_beside(path)
     context.view_layer.update()
     drawn = [obj for obj in objects if obj.name in context.view_layer.objects and obj.visible_get()]
     if not any(obj.type == "MESH" for obj in drawn):
@@ -90,7 +94,7 @@ def _imported(context: bpy.types.Context, path: Path) -> list[bpy.types.Object]:
     for left in [each for each in bpy.data.collections if each not in known and each is not collection]:
         if not left.all_objects:
             bpy.data.collections.remove(left)
-    return drawn
+    return drawn, notes
 
 
 def _in_a_row(trees: Sequence[Sequence[bpy.types.Object]], beside: Iterable[bpy.types.Object]) -> None:

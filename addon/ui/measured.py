@@ -13,9 +13,9 @@ import leafcloud
 from ..bake.drawing import LevelDrawing, drawing_costs, level_results
 from ..bake.pipeline import chain_options
 from ..bake.values import Baked, Prepared
-from ..levels.results import keep_results, keep_view
+from ..levels.results import keep_results
 from ..levels.thumbnails import keep_thumbnails
-from ..plan.camera_visibility import pixels_of, seen_as_set
+from ..plan.camera_visibility import seen_as_set
 from ..plan.effects import plan_effects
 from ..plan.facts import Facts
 from ..settings.bake import BakeSettings
@@ -139,7 +139,6 @@ def keep_figures(tree: Baked) -> list[LevelDrawing]:
     """Store figures and pictures of the levels with the tree's collection. Return the costs of drawing them."""
     costs = drawing_costs(tree)
     keep_results(tree.collection, level_results(tree, costs))
-    keep_view(tree.collection, pixels_of(1.0, 1.0, tree.view))
     keep_thumbnails([level.object for level in tree.levels], tree.chain.levels)
     return costs
 

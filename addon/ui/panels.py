@@ -93,7 +93,7 @@ class LEAFCLOUD_PT_levels(_Settings, bpy.types.Panel):
     bl_idname = "LEAFCLOUD_PT_levels"
     bl_label = "Levels"
     groups = (
-        ("leaves", "trees", "alpha"),
+        ("leaves", "trees"),
         ("form", "epsilon", "triangles", "levels", "cross", "last", "every_level"),
         ("sizes", "scene", "memory_budget"),
         ("pixels", "viewer"),

@@ -96,12 +96,14 @@ _SHOWN = {
     "files": _Shown("Files", choices={"chain": "Few", "levels": "Each Level", "all": "All"}),
     "viewer": _Shown("Viewer", choices={"camera": "Only This View"}),
     "unlit": _Shown("Unlit"),
-    "alpha": _Shown("Leaf Alpha", choices={"material": "Of the Material", "texture": "Of the Image"}),
 }
 """Settings in the interface. The command line has all settings."""
 
 
-_OTHERS = {"leaves": "Leaves", "out": "Folder", "effects": "Effects", "up": "the Up axis of Blender's own importer"}
+_OTHERS = {
+    **{"leaves": "Leaves", "out": "Folder", "effects": "Effects"},
+    **{"up": "the Up axis of Blender's own importer", "alpha": "in the Shader Editor"},
+}
 """Words for what messages name beside the settings."""
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
 import bpy
+from bpy.props import StringProperty
 from mathutils import Vector
 
 from ..bake.pipeline import view_of
@@ -15,7 +17,7 @@ from ..levels.root import root_of
 from ..mesh.baked_levels import levels_and_trunks
 from ..plan.camera_visibility import pixels_of
 from ..scene.rendering import Fault, faults, faults_of_all, lens_fault
-from .on_tree import InObjectMode, active_tree
+from .on_tree import InObjectMode
 from .wrapped import add_text
 
 
@@ -26,9 +28,14 @@ class LEAFCLOUD_OT_mend_rendering(InObjectMode, bpy.types.Operator):
     bl_label = "Mend"
     bl_options = {"REGISTER", "UNDO"}
 
+    trees: StringProperty(
+        name="Trees", description="Names of the trees' collections, as JSON. Empty: all trees of the scene"
+    )
+
     def execute(self, context: bpy.types.Context) -> set[str]:
-        tree = active_tree(context)
-        for fault in _faults_of(tree_collections(context.scene.objects) if tree is None else [tree], context.scene):
+        wanted = set(json.loads(self.trees or "[]"))
+        trees = [each for each in tree_collections(context.scene.objects) if not wanted or each.name in wanted]
+        for fault in _faults_of(trees, context.scene):
             fault.mend()
         return {"FINISHED"}
 
@@ -39,7 +46,7 @@ def draw_faults(layout: bpy.types.UILayout, context: bpy.types.Context, trees: S
     for text in texts:
         add_text(layout, context, text, "ERROR")
     if texts:
-        layout.operator("leafcloud.mend_rendering")
+        layout.operator("leafcloud.mend_rendering").trees = json.dumps([tree.name for tree in trees])
 
 
 def _faults_of(trees: Sequence[bpy.types.Collection], scene: bpy.types.Scene) -> list[Fault]:

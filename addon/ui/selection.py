@@ -11,7 +11,6 @@ from ..bake.values import TreeSet
 from ..errors import SceneError
 from ..levels.earlier import levels_of
 from ..levels.root import root_of
-from ..material.cutouts import cut_out_by_images
 from ..mesh.baked_levels import is_placed_tree, is_source, record_of
 from ..mesh.extract import Tree, extract
 from ..mesh.motion import at_rest
@@ -45,13 +44,9 @@ def trees_of(
         depsgraph, names = context.evaluated_depsgraph_get(), leaf_names(settings)
         if division == "one":
             tree = extract(depsgraph, sources, leaf_names=names)
-            trees = {tree.name: tree}
+            yield {tree.name: tree}
         else:
-            trees = extract_trees(depsgraph, grouped(sources, division), leaf_names=names)
-        if settings.alpha == "texture":
-            for tree in trees.values():
-                cut_out_by_images(tree.leaves.materials)
-        yield trees
+            yield extract_trees(depsgraph, grouped(sources, division), leaf_names=names)
 
 
 def _selected_sources(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -10,7 +10,7 @@ from bpy.props import IntProperty
 from ..errors import SceneError
 from ..levels.earlier import remove_levels
 from ..levels.results import LevelResult, results_of, warnings_of
-from ..levels.root import root_of
+from ..levels.root import lod_factor, root_of
 from ..levels.shown import SOURCES, show_level, shown_level, sources_of
 from ..levels.thumbnails import thumbnail_of
 from ..mesh.baked_levels import level_number, record
@@ -137,8 +137,7 @@ def draw_figures(layout: bpy.types.UILayout, context: bpy.types.Context, tree: b
     """Draw the picture and the figures of each level."""
     objects = {level_number(obj): obj for obj in tree.all_objects}
     _, radius = crown_of(tree)
-    root = root_of(tree)
-    factor = 1.0 if root is None else float(root.get(LOD_DISTANCE, 1.0))
+    factor = lod_factor(tree)
     for number, result in enumerate(results_of(tree)):
         row = layout.split(factor=_PICTURE)
         picture = thumbnail_of(objects[number]) if number in objects else 0

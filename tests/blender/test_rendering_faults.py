@@ -87,6 +87,8 @@ def test_a_longer_lens_than_the_bakes_is_told(scene: bpy.types.Scene) -> None:
     fault.mend()
     assert root["LOD Distance"] == 2.0
     assert lens_fault(root, 2.0) == []
+    [again] = lens_fault(root, 5.0)
+    assert "2.5 × larger" in again.text
 
 
 def test_an_artists_own_lod_distance_stays(scene: bpy.types.Scene) -> None:

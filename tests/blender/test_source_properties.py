@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import json
 import math
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from small_glb import png, write_document, write_quad_glb
 
 import leafcloud
 from addon.bake.pipeline import plan
+from addon.errors import SceneError
 from addon.export.glb_file import Glb
 from addon.export.gltf import export_collection
 from addon.export.translucency import add_leaf_translucency
@@ -25,7 +28,7 @@ from addon.material.losses import losses
 from addon.material.surface import are_unlit, read_surface
 from addon.material.translucency import read_translucency
 from addon.mesh.extract import extract
-from addon.mesh.motion import at_rest
+from addon.mesh.motion import at_rest, lost_motion
 from addon.scene.load import load
 from addon.settings.bake import BakeSettings
 
@@ -316,3 +319,75 @@ def test_a_leaf_that_transmits_light_keeps_it_in_files(tmp_path: Path) -> None:
     written = material["extensions"]["KHR_materials_diffuse_transmission"]
     assert written["diffuseTransmissionFactor"] == pytest.approx(0.25)
     assert written["diffuseTransmissionColorTexture"]["index"] == 0, "the base color's own texture"
+
+
+def test_a_buffer_without_data_is_refused(tmp_path: Path) -> None:
+    """A fallback buffer is for compressed views alone: its bytes are nowhere."""
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0"},
+        **{"scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}]},
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]}
+        ],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "extensions": {"EXT_meshopt_compression": {"fallback": True}}}],
+    }
+    with pytest.raises(SceneError, match="has 0 of its 36 bytes"):
+        load(write_document(tmp_path / "a.glb", document, b""))
+
+
+def test_views_that_overlap_too_often_are_refused(tmp_path: Path) -> None:
+    """They are copied when a file is unpacked."""
+    path = compressed(tmp_path / "a.glb")
+    content = path.read_bytes()
+    size = struct.unpack_from("<I", content, 12)[0]
+    document = json.loads(content[20 : 20 + size])
+    document["bufferViews"] += [{"buffer": 0, "byteLength": document["buffers"][0]["byteLength"]}] * 50
+    with pytest.raises(SceneError, match="its buffer views have"):
+        load(write_document(path, document, content[28 + size :]))
+
+
+@pytest.mark.parametrize("mark", [99, "abc", [1]])
+def test_a_property_with_the_name_of_our_mark_is_harmless(tmp_path: Path, mark: object) -> None:
+    material, _ = imported(tmp_path, material={"extras": {"leafcloud_material": mark}})
+    assert material.name == "leaf"
+
+
+def test_the_colors_own_file_as_a_mask_masks_nothing(tmp_path: Path) -> None:
+    Image.new("RGB", (4, 4), (0, 90, 0)).save(tmp_path / "leaf.png")
+    load(obj_file(tmp_path, "y", "map_Kd leaf.png\nmap_d leaf.png\n"))
+    surface = read_surface(bpy.data.materials["leaf"])
+    assert surface.alpha_mode == "OPAQUE"
+    assert surface.color_texture is not None
+    assert surface.color_texture.image.colorspace_settings.name == "sRGB"
+
+
+def test_a_posed_skeleton_without_keys_is_not_told() -> None:
+    leaf = add_mesh("leaves", [(0, 0, 1), (1, 0, 1), (0, 0, 2)], [(0, 1, 2)])
+    bones = bpy.data.objects.new("bones", bpy.data.armatures.new("bones"))
+    bpy.context.scene.collection.objects.link(bones)
+    leaf.modifiers.new("bones", "ARMATURE").object = bones
+    assert lost_motion([leaf]) == []
+    bones.keyframe_insert("location", frame=1)
+    [said] = lost_motion([leaf])
+    assert "'leaves' by a skeleton" in said
+
+
+def test_an_image_in_a_group_is_not_cut_out(tmp_path: Path) -> None:
+    """The link would cross from one node tree into another."""
+    material, _ = imported(tmp_path, material={"pbrMetallicRoughness": TEXTURED}, image=HALF_CLEAR)
+    tree = material.node_tree
+    group = bpy.data.node_groups.new("inside", "ShaderNodeTree")
+    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+    own = next(node for node in tree.nodes if node.type == "TEX_IMAGE")
+    copy, end = group.nodes.new("ShaderNodeTexImage"), group.nodes.new("NodeGroupOutput")
+    copy.image = own.image
+    group.links.new(copy.outputs["Color"], end.inputs["Color"])
+    node = tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    target = own.outputs["Color"].links[0].to_socket
+    tree.nodes.remove(own)
+    tree.links.new(node.outputs["Color"], target)
+    cut_out_by_images([material])
+    assert len(forgotten_alpha([material])) == 1

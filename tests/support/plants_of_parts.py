@@ -212,11 +212,11 @@ def ground() -> Mesh:
     return np.array([[-8.0, -8, 0], [8, -8, 0], [8, 8, 0], [-8, 8, 0]]), [(0, 1, 2, 3)]
 
 
-def fewer_cards() -> Mesh:
-    """Half of the cards, of twice their area: a coarser level of another tool."""
-    leaves = cards()[0].reshape(-1, 4, 3)[::2]
+def fewer_cards(step: int) -> Mesh:
+    """Some of the cards, so much larger that their area stays: a coarser level of another tool."""
+    leaves = cards()[0].reshape(-1, 4, 3)[::step]
     middles = leaves.mean(axis=1, keepdims=True)
-    return _joined([(leaf, [(0, 1, 2, 3)]) for leaf in middles + math.sqrt(2.0) * (leaves - middles)])
+    return _joined([(leaf, [(0, 1, 2, 3)]) for leaf in middles + math.sqrt(step) * (leaves - middles)])
 
 
 def _some_cards(start: int, stop: int) -> Mesh:
@@ -303,7 +303,8 @@ def _kinds() -> dict[str, tuple[list[Part], str]]:
     branched_oak = [Part("leaves", cards(), GREEN, True), Part("trunk", branched(), BROWN, False)]
     apart = [*_LEAVES_APART, Part("trunk", trunk(), BROWN, False)]
     found["each leaf an object"] = (apart, "objects")
-    found["levels without names"] = (_plant("cards", Part("coarser", fewer_cards(), GREEN, None)), "objects")
+    levels = [Part(f"level {step}", fewer_cards(step), GREEN, None) for step in (2, 4)]
+    found["levels without names"] = (_plant("cards", *levels), "objects")
     for share in (5, 7):
         halves = [
             Part(f"leaves {i}", _some_cards(*ends), GREEN, True) for i, ends in enumerate(((0, share), (share, 10)))

@@ -49,6 +49,7 @@ def test_coarser_levels_fill_the_same_box_by_fewer_triangles() -> None:
     "other",
     [
         *(part(40, size=0.5), part(40, area=3.0), part(40, material="twig"), part(90)),
+        part(60),  # Leaves of another size in the same crown.
         part(2, flat=True),  # A picture is one only beside other levels.
     ],
 )
@@ -57,4 +58,5 @@ def test_other_parts_of_a_tree_are_no_levels(other: Extent) -> None:
 
 
 def test_a_picture_beside_levels_is_one() -> None:
-    assert coarser_by_form([part(100), part(40), part(2, area=1.0, flat=True, material="picture")]) == [1, 2]
+    parts = [part(100), part(60), part(20), part(2, area=1.0, flat=True, material="picture"), part(12, size=0.5)]
+    assert coarser_by_form(parts) == [1, 2, 3]

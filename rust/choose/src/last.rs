@@ -179,10 +179,10 @@ pub fn octahedral(
     }
     let cross = judge.yardstick.largest(Subject::Foliage(&cross.foliage()?), judge.q, passed.crown)?;
     let layout = &sketch.impostor().layout;
-    let is_worth_it = passed.passes && saving(place, passed.crown, cross, layout, settings.up)? >= LEAST_SAVING;
     let frame = place.parts[0].frame();
     let price = |scale: f64| layout.cost(frame, scale, settings.up);
     let crown = if is_wished { passed.crown } else { place.cheaper_from(passed.crown, &price, settings.up)? };
+    let is_worth_it = passed.passes && saving(place, crown, cross, layout, settings.up)? >= LEAST_SAVING;
     Ok((is_wished || is_worth_it).then_some((sketch, Some(Passed { crown, ..passed }))))
 }
 

@@ -87,10 +87,11 @@ impl<'a> Tree<'a> {
         } else {
             &[]
         };
-        let mut levels = costs.levels(&chosen, fewer, wishes);
+        let impostor = self.has_cross(&chosen.chain);
+        let mut levels = Levels { impostor, ..costs.levels(&chosen, fewer, wishes) };
         let (leaf_levels, count) = (usize::from(levels.simplified.is_some()), levels.clouds.len());
         let room = MOST_LEVELS.saturating_sub(leaf_levels + usize::from(self.settings.cross));
-        let may_go = !fewer.is_empty() && self.has_cross(&chosen.chain);
+        let may_go = !fewer.is_empty() && impostor;
         let is_wished = self.settings.every_level || !wishes.sizes.is_empty();
         let walk = scenes.best(&levels, room, if is_wished { count } else { usize::from(!may_go) });
         let mut without_first = f64::INFINITY;
@@ -198,6 +199,7 @@ impl Costs {
             simplified: simplified.map(|(level, prices)| largest(&level.passed, prices)),
             fewer: fewer.iter().map(|(level, prices)| largest(&level.passed, prices)).collect(),
             clouds: of_clouds.enumerate().map(cloud).collect(),
+            impostor: false,
         }
     }
 }

@@ -41,6 +41,8 @@ pub struct Levels<'a> {
     pub fewer: Vec<Candidate<'a>>,
     /// Clouds, finest first.
     pub clouds: Vec<Candidate<'a>>,
+    /// Whether an impostor follows.
+    pub impostor: bool,
 }
 
 /// A walk.
@@ -95,10 +97,9 @@ impl Scenes {
         let fits =
             |(fewer, clouds): &(Vec<usize>, usize)| fewer.is_empty() && *clouds == all || fewer.len() + clouds <= most;
         let walks = walks.filter(fits).filter_map(|(fewer, clouds)| self.walk(levels, fewer, clouds));
-        // The impostor takes over at that size at the latest.
-        let is_seen = |walk: &Walk| {
-            walk.clouds <= least || walk.crowns.last().is_none_or(|&crown| crown >= LEAST_STEP * UNJUDGED)
-        };
+        // An impostor takes over at `UNJUDGED` at the latest: a cloud that begins just before is never seen.
+        let begins = |walk: &Walk| walk.crowns.last().copied().unwrap_or(f64::INFINITY);
+        let is_seen = |walk: &Walk| !levels.impostor || walk.clouds <= least || begins(walk) >= LEAST_STEP * UNJUDGED;
         let walks = walks.filter(is_seen);
         let none = Walk { fewer: Vec::new(), clouds: all, crowns: Vec::new(), passes: false, cost: f64::INFINITY };
         walks.reduce(|best, next| if next.is_better(&best) { next } else { best }).unwrap_or(none)
@@ -148,6 +149,7 @@ mod tests {
             simplified: None,
             fewer: vec![candidate(500.0, &half), candidate(200.0, &quarter)],
             clouds: vec![candidate(at, &cloud)],
+            impostor: true,
         };
         let scenes = Scenes::to(50.0).unwrap();
         let late = scenes.best(&levels(60.0), 4, 1);
@@ -170,6 +172,7 @@ mod tests {
                 simplified: None,
                 fewer: vec![candidate(500.0, &half)],
                 clouds: vec![Candidate { passes: false, ..candidate(60.0, &cloud) }],
+                impostor: true,
             };
             assert_eq!(Scenes::to(50.0).unwrap().best(&levels, 4, 0).clouds, clouds, "{count}");
         }
@@ -179,9 +182,9 @@ mod tests {
     fn a_cloud_that_the_impostor_replaces_at_once_is_left_out() {
         let [leaves, first, second] =
             [(2.0, 4000.0), (2.0, 400.0), (2.0, 100.0)].map(|(area, count)| prices(area, count));
-        for (at, clouds) in [(13.0, 1), (20.0, 2)] {
+        for (at, impostor, clouds) in [(13.0, true, 1), (13.0, false, 2), (20.0, true, 2)] {
             let both = vec![candidate(100.0, &first), candidate(at, &second)];
-            let levels = Levels { leaves: &leaves, simplified: None, fewer: Vec::new(), clouds: both };
+            let levels = Levels { leaves: &leaves, simplified: None, fewer: Vec::new(), clouds: both, impostor };
             assert_eq!(Scenes::to(200.0).unwrap().best(&levels, 4, 1).clouds, clouds, "{at}");
         }
     }
@@ -190,7 +193,8 @@ mod tests {
     fn wished_sizes_are_kept() {
         let [leaves, cloud] = [prices(2.0, 4000.0), prices(9.0, 3000.0)];
         let cloud = Candidate { wished: Some(300.0), ..candidate(60.0, &cloud) };
-        let levels = Levels { leaves: &leaves, simplified: None, fewer: Vec::new(), clouds: vec![cloud] };
+        let levels =
+            Levels { leaves: &leaves, simplified: None, fewer: Vec::new(), clouds: vec![cloud], impostor: true };
         assert_eq!(Scenes::to(50.0).unwrap().best(&levels, 4, 1).crowns, [300.0]);
     }
 }

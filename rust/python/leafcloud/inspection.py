@@ -5,8 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 import re
+import shutil
 import struct
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -129,7 +131,10 @@ def inspect(path: Path) -> Inspection:
 
 
 def _levels(file: GlbFile) -> list[tuple[str, int | None, list[int]]]:
-    """Return name, number and nodes of each level: of a bake, else of another tool by names, else the whole scene."""
+    """Return name, number and nodes of each level: of a bake, else of another tool by names, else the whole scene.
+
+    Another tool's file is taken for one tree: nodes with the same number are one level.
+    """
     nodes = file.items("nodes")
     chains = _chains(file)
     if chains:
@@ -477,7 +482,17 @@ def _foliage(file: GlbFile, nodes: list[int]) -> Foliage:
     with TemporaryDirectory() as folder:
         alone = Path(folder) / "level.glb"
         alone.write_bytes(file.with_only(_below(file, nodes)))
-        return read_gltf(str(alone), names=[""])
+        for image in file.items("images"):
+            name = str(image.get("uri", ""))
+            beside = (file.path.parent / name).resolve()
+            if name and not name.startswith("data:") and beside.is_relative_to(file.path.parent.resolve()):
+                (alone.parent / name).parent.mkdir(parents=True, exist_ok=True)
+                with suppress(OSError):
+                    shutil.copy(beside, alone.parent / name)
+        try:
+            return read_gltf(str(alone), names=[""])
+        except LeafcloudError as error:
+            raise LeafcloudError(str(error).replace(str(alone), str(file.path))) from error
 
 
 def _scores(name: str, base: Foliage, other: Foliage) -> list[Score]:

@@ -10,7 +10,9 @@ const ENDING := "_shadow"
 ## The meshes of the file beside the one that is read, by the names of their trees; empty if there is no such file.
 static func meshes_beside(state: GLTFState) -> Dictionary[String, ImporterMesh]:
 	var found: Dictionary[String, ImporterMesh] = {}
-	var path := state.base_path.path_join(state.filename.trim_suffix("_forest") + ENDING + ".glb")
+	var path := state.base_path.path_join(state.filename + ENDING + ".glb")
+	if not FileAccess.file_exists(path):
+		path = state.base_path.path_join(state.filename.trim_suffix("_forest") + ENDING + ".glb")
 	var own := GLTFState.new()
 	# The importer would make files of the images.
 	own.handle_binary_image_mode = GLTFState.HANDLE_BINARY_IMAGE_MODE_EMBED_AS_UNCOMPRESSED

@@ -15,7 +15,7 @@ from urllib.parse import unquote
 
 from .. import LeafcloudError
 
-SUFFIXES = (".glb", ".gltf", ".obj", ".blend")
+SUFFIXES = (".glb", ".gltf", ".obj", ".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz")
 """File types that `bake.py` reads."""
 
 _MAPS = re.compile(
