@@ -41,7 +41,7 @@ from sections import sections_of, table
 
 from addon.levels.material import page_of
 from leafcloud import flip_map
-from leafcloud.inspection import flip_near
+from leafcloud.comparison import flip_near
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLIAGE = ROOT.parent / "shared" / "foliage"

@@ -1,4 +1,7 @@
-"""Materials whose alpha mode and image disagree, as exporters that forget the mode, or always write one, leave them."""
+"""Leaf materials with the wrong alpha mode: opaque with a transparent image, or blended with an opaque one.
+
+Some exporters never write the alpha mode, others always write BLEND.
+"""
 
 from __future__ import annotations
 

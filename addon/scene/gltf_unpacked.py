@@ -88,7 +88,7 @@ def as_glb(source: GltfSource) -> bytes:
 
 
 def _with_views(home: Path, document: Document, contents: Sequence[bytes]) -> GltfSource:
-    """Return a file whose buffer views have the given contents, in one buffer."""
+    """Return the document with one buffer, which holds `contents`: the bytes of each buffer view, in order."""
     body = bytearray()
     for view, content in zip(document.get("bufferViews", []), contents, strict=True):
         view |= {"buffer": 0, "byteOffset": len(body), "byteLength": len(content)}

@@ -143,7 +143,7 @@ def _open_obj(path: Path, up: Up) -> list[str]:
 
 
 def _open_other(path: Path, operator: Callable[..., set[str]]) -> list[str]:
-    """Import a file of a kind that has no check of its own: of what is in it, images and meshes are checked."""
+    """Import an .fbx or USD file, then check the images and meshes that were imported."""
     check_regular(path)
     images, meshes = set(bpy.data.images), set(bpy.data.meshes)
     _run(path, operator)

@@ -37,12 +37,12 @@ class BakeSettings(LevelSettings):
     alpha: Annotated[
         str,
         Setting(
-            "Alpha of opaque leaf materials whose image has transparent texels",
+            "What to do with leaf materials that are opaque but have a transparent image",
             "HOW",
             choices={
-                "auto": "they are opaque, with a warning",
-                "material": "they are opaque",
-                "texture": "the image cuts them out",
+                "auto": "keep them opaque, and warn",
+                "material": "keep them opaque",
+                "texture": "cut the leaves out by the image",
             },
         ),
     ] = "auto"

@@ -25,10 +25,10 @@ from .properties import leaf_names
 from .selection import with_children
 
 _MOST_FACES, _MOST_OBJECTS = 30_000, 150
-"""Faces and objects whose leaves are counted in a tenth of a second."""
+"""Most faces and objects of a selection whose leaves are counted. Counting takes a tenth of a second."""
 
 _MOST_NAMED = 3_000_000
-"""Faces that are counted by their materials in a tenth of a second."""
+"""Most faces of a selection that are counted by material. Counting takes a tenth of a second."""
 
 _NO_LEAVES = "no leaves found, name them in Levels"
 

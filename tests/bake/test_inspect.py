@@ -17,6 +17,7 @@ from glb import read_glb, rewritten
 from PIL import Image
 
 from leafcloud.command import main
+from leafcloud.comparison import _copy_beside
 
 
 @pytest.fixture(scope="module")
@@ -263,3 +264,15 @@ def test_numbers_outside_of_the_file_are_refused(
     assert "the limit is 67,108,864" in capsys.readouterr().err
     assert main(["inspect", str(tmp_path / "missing.glb")]) == 1
     assert "check the path" in capsys.readouterr().err
+
+
+def test_images_outside_of_the_folder_are_not_copied(tmp_path: Path) -> None:
+    home, folder = tmp_path / "home", tmp_path / "folder"
+    for each in (home, folder):
+        each.mkdir()
+    (home / "leaf.png").write_bytes(b"leaf")
+    (tmp_path / "secret.png").write_bytes(b"secret")
+    for name in ("leaf.png", "../secret.png", "../home/leaf.png", str(tmp_path / "secret.png"), "", "data:,x"):
+        _copy_beside(name, home, folder)
+    assert [each.name for each in folder.iterdir()] == ["leaf.png"]
+    assert {each.name for each in tmp_path.iterdir()} == {"home", "folder", "secret.png"}

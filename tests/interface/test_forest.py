@@ -1,4 +1,4 @@
-"""A forest by mouse and keys: what is planted is what the panel told, and the levels follow the view and the tree."""
+"""A forest that is planted by mouse and keys: number and spacing of its trees, and the levels that they show."""
 
 from __future__ import annotations
 

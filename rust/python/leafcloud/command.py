@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from . import LeafcloudError, __version__
-from .inspection import Inspection, Score, compare, inspect
+from .comparison import Score, compare
+from .inspection import Inspection, inspect
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -5,36 +5,20 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import shutil
 import struct
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import (
-    FRAGMENTS_PER_TRIANGLE,
-    Foliage,
-    LeafcloudError,
-    decode_image,
-    drawing_cost,
-    flip_map,
-    keep,
-    read_gltf,
-    render,
-)
+from . import LeafcloudError, decode_image, keep
 from ._coverage import kept_by_mips
 from ._glb import GlbFile, Picture, Unreadable
 
-SIZES = (256, 128, 64, 32)
-"""Sides of the pictures in pixels, in which a file is compared with the leaves."""
-
-_VIEWS = [(1.0, 0.0, 0.2), (-0.5, 0.85, 0.1), (-0.5, -0.85, 0.35), (0.2, 0.3, 0.95)]
 _LEAST_SHARE = 0.95
 """Least share of the corners of leaves that end on a plane of the next level."""
 
@@ -50,9 +34,6 @@ _MOST_PAIRS = 2**22
 
 _MOST_CORNERS = 20_000
 """Most corners of leaves that are compared with the planes of the next level, evenly chosen: it may have thousands."""
-
-_REACH = 4
-"""FLIP counts within this many pixels of a silhouette."""
 
 
 @dataclass(frozen=True)
@@ -95,21 +76,6 @@ class Inspection:
     engines: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
-class Score:
-    """A level beside the leaves in pictures of one size.
-
-    level: its name. size: of the pictures in pixels. flip: within 4 pixels of the silhouettes, in [0, 1]. coverage,
-    cost: of drawing, over those of the leaves.
-    """
-
-    level: str
-    size: int
-    flip: float
-    coverage: float
-    cost: float
-
-
 _LEVEL = re.compile(r"(?:^|[\W_])lod[\W_]*(\d{1,2})(?![a-z0-9])", re.IGNORECASE)
 """A name of a level of another tool, such as Oak_LOD2."""
 
@@ -122,15 +88,22 @@ _BROKEN = (
 
 def inspect(path: Path) -> Inspection:
     """Read a GLB file. Raises `LeafcloudError` for a file that is none, or that is broken."""
-    file = GlbFile(path)
-    try:
-        levels = tuple(_row(file, *each) for each in _levels(file))
+    with reading(path):
+        file = GlbFile(path)
+        levels = tuple(_row(file, *each) for each in levels_of(file))
         return Inspection(levels, tuple(_checks(file)), tuple(_engines(file, levels)))
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Raise `LeafcloudError` in place of the errors by which a document says that it is not as glTF asks."""
+    try:
+        yield
     except _BROKEN as error:
         raise LeafcloudError(f"{path} is broken: {type(error).__name__} {error}; export it again") from error
 
 
-def _levels(file: GlbFile) -> list[tuple[str, int | None, list[int]]]:
+def levels_of(file: GlbFile) -> list[tuple[str, int | None, list[int]]]:
     """Return name, number and nodes of each level: of a bake, else of another tool by names, else the whole scene.
 
     Another tool's file is taken for one tree: nodes with the same number are one level.
@@ -142,7 +115,7 @@ def _levels(file: GlbFile) -> list[tuple[str, int | None, list[int]]]:
     numbers = {node: int(found[1]) for node in range(len(nodes)) if (found := _LEVEL.search(_name(file, node)))}
     if len({*numbers.values()}) < 2:
         return [(file.path.stem, None, _shown(file))]
-    inner = {below for node in numbers for below in _below(file, [node]) if below != node}
+    inner = {below for node in numbers for below in below(file, [node]) if below != node}
     tops = {
         number: [node for node in numbers if numbers[node] == number and node not in inner]
         for number in numbers.values()
@@ -179,7 +152,7 @@ def _name(file: GlbFile, node: int) -> str:
 
 
 def _row(file: GlbFile, name: str, number: int | None, roots: list[int]) -> LevelRow:
-    primitives = [each for node in _below(file, roots) for each in _primitives(file, node)]
+    primitives = [each for node in below(file, roots) for each in _primitives(file, node)]
     accessors: dict[int, int] = {}
     images: dict[int, Picture] = {}
     triangles = vertices = 0
@@ -205,7 +178,7 @@ def _triangles(mode: int, corners: int) -> int:
     return corners // 3 if mode == 4 else max(corners - 2, 0) if mode > 4 else 0
 
 
-def _below(file: GlbFile, roots: list[int]) -> list[int]:
+def below(file: GlbFile, roots: list[int]) -> list[int]:
     """Return the nodes and all nodes below them, each once."""
     found: dict[int, None] = {}
     ahead = list(reversed(roots))
@@ -462,79 +435,3 @@ def _engines(file: GlbFile, levels: tuple[LevelRow, ...]) -> Iterator[tuple[str,
             "glTFast, Unreal, Bevy",
             "show level 0 only by themselves: they do not read MSFT_lod; docs/engines.md has scripts and a package",
         )
-
-
-def compare(path: Path, leaves: Path) -> list[Score]:
-    """Compare each level of a file with the finest level of another, in pictures of falling sizes.
-
-    Raises `LeafcloudError` for files that cannot be read.
-    """
-    of_leaves, file = GlbFile(leaves), GlbFile(path)
-    try:
-        base = _foliage(of_leaves, _levels(of_leaves)[0][2])
-        return [score for name, _, nodes in _levels(file) for score in _scores(name, base, _foliage(file, nodes))]
-    except _BROKEN as error:
-        raise LeafcloudError(f"{path} is broken: {type(error).__name__} {error}; export it again") from error
-
-
-def _foliage(file: GlbFile, nodes: list[int]) -> Foliage:
-    """Return all meshes below nodes, in their place."""
-    with TemporaryDirectory() as folder:
-        alone = Path(folder) / "level.glb"
-        alone.write_bytes(file.with_only(_below(file, nodes)))
-        for image in file.items("images"):
-            name = str(image.get("uri", ""))
-            beside = (file.path.parent / name).resolve()
-            if name and not name.startswith("data:") and beside.is_relative_to(file.path.parent.resolve()):
-                (alone.parent / name).parent.mkdir(parents=True, exist_ok=True)
-                with suppress(OSError):
-                    shutil.copy(beside, alone.parent / name)
-        try:
-            return read_gltf(str(alone), names=[""])
-        except LeafcloudError as error:
-            raise LeafcloudError(str(error).replace(str(alone), str(file.path))) from error
-
-
-def _scores(name: str, base: Foliage, other: Foliage) -> list[Score]:
-    centre, radius = list(base.world_centre), float(base.radius) * 1.05
-    pairs = [
-        [render([shown], view, SIZES[0], centre=centre, radius=radius, samples=2) for shown in (base, other)]
-        for view in _VIEWS
-    ]
-    scores = []
-    for size in SIZES:
-        halves = [[_reduced(picture, size) for picture in pair] for pair in pairs]
-        errors = [flip_near(*pair) for pair in halves]
-        covered = [sum(float(pair[i][..., 3].sum()) for pair in halves) for i in (0, 1)]
-        costs = [_cost(shown, size / (2.0 * radius)) for shown in (base, other)]
-        scores.append(Score(name, size, float(np.mean(errors)), covered[1] / max(covered[0], 1.0), costs[1] / costs[0]))
-    return scores
-
-
-def _cost(foliage: Foliage, scale: float) -> float:
-    """Return the cost of drawing in fragments: a triangle costs as much as `FRAGMENTS_PER_TRIANGLE` of them."""
-    cost = drawing_cost([foliage], scale)
-    return float(cost["fragments"] + FRAGMENTS_PER_TRIANGLE * cost["triangles"])
-
-
-def _reduced(picture: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
-    """Return a smaller picture, of means of colors weighted by alpha."""
-    step = picture.shape[0] // size
-    values = picture.astype(np.float64)
-    values[..., :3] *= values[..., 3:] / 255.0
-    means = values.reshape(size, step, size, step, 4).mean(axis=(1, 3))
-    means[..., :3] *= 255.0 / np.maximum(means[..., 3:], 1e-9)
-    return np.rint(means).clip(0, 255).astype(np.uint8)
-
-
-def flip_near(base: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
-    """Return the mean FLIP of two RGBA pictures within 4 pixels of either silhouette; 0 if both are empty."""
-    near = (base[..., 3] > 127) | (other[..., 3] > 127)
-    for _ in range(_REACH):
-        grown = near.copy()
-        grown[1:] |= near[:-1]
-        grown[:-1] |= near[1:]
-        grown[:, 1:] |= near[:, :-1]
-        grown[:, :-1] |= near[:, 1:]
-        near = grown
-    return float(flip_map(base, other)[near].mean()) if near.any() else 0.0
