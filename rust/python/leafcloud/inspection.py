@@ -115,7 +115,7 @@ def levels_of(file: GlbFile) -> list[tuple[str, int | None, list[int]]]:
     numbers = {node: int(found[1]) for node in range(len(nodes)) if (found := _LEVEL.search(_name(file, node)))}
     if len({*numbers.values()}) < 2:
         return [(file.path.stem, None, _shown(file))]
-    inner = {below for node in numbers for below in below(file, [node]) if below != node}
+    inner = {each for node in numbers for each in below(file, [node]) if each != node}
     tops = {
         number: [node for node in numbers if numbers[node] == number and node not in inner]
         for number in numbers.values()
